@@ -1,0 +1,49 @@
+"""Packaging of binopos_ros for pip and for colcon (ament_python)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'binopos_ros'
+NODES = ('camera', 'detector', 'triangulator', 'smoother', 'player', 'recorder')
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    description='Stereo positioning of a red target through refraction, live in ROS 2',
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    license='Apache-2.0',
+    python_requires='>=3.10',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (
+            f'share/{PACKAGE}/config',
+            sorted(str(path) for path in Path('config').iterdir() if path.is_file()),
+        ),
+    ],
+    install_requires=[
+        'numpy>=1.26',
+        'opencv-python-headless>=4.6',
+        'mcap>=1.2',
+        'rosbags>=0.10',
+        'pyusb>=1.2',
+        'PyYAML>=6.0',
+    ],
+    extras_require={
+        'ros': ['ros-rclpy[fastrtps]==7.1.6', 'ros-common-interfaces==5.3.6'],
+        'fast': ['simplejpeg>=1.7'],
+        'reports': ['matplotlib>=3.8', 'tqdm>=4.60'],
+    },
+    entry_points={
+        'console_scripts': [
+            f'binopos = {PACKAGE}.cli:main',
+            *(f'{node} = {PACKAGE}.nodes.{node}:main' for node in NODES),
+        ],
+    },
+    zip_safe=False,
+)
