@@ -1,0 +1,78 @@
+"""`binopos`, the entry script: one verb, one module.
+
+A verb's module has `HELP` (a line), `add_arguments(parser)` and `main(arguments) -> exit status`.
+Modules are imported only when their verb is called, so that `binopos --help` needs no ROS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+from binopos_ros import __version__
+
+#: Verb -> what it does, in the order of the help.
+VERBS = {
+    'run': 'start the nodes on the cameras of the rig and keep them up',
+    'replay': 'play a bag through the live nodes and report what comes out',
+    'process': 'run a bag through the same stages offline, every pair, as fast as possible',
+    'record': "record the suite's topics to a bag",
+    'simulate': 'render a scene with known truth to a bag',
+    'calibrate': 'make the calibration files of the cameras and of the interface',
+    'evaluate': "the paper's experiments and the comparison of filters: tables and plots",
+    'doctor': 'say what is wrong with this machine, and how to mend it',
+}
+
+USAGE_ERROR = 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb; the exit status. Bad input is one line on stderr and status 2."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    words, ros_words = split_ros_arguments(words)
+    parser = argparse.ArgumentParser(
+        prog='binopos',
+        description='Stereo positioning of a red target through water or glass.',
+        epilog='`binopos VERB --help` tells more about a verb.',
+    )
+    parser.add_argument('--version', action='version', version=f'binopos_ros {__version__}')
+    verbs = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
+    for verb, help_line in VERBS.items():
+        verb_parser = verbs.add_parser(verb, help=help_line, description=help_line + '.')
+        # Only the verb that was asked for is imported.
+        if verb in words[:1]:
+            importlib.import_module(f'binopos_ros.cli.{verb}').add_arguments(verb_parser)
+    parsed = parser.parse_args(words)
+    parsed.ros_arguments = ros_words
+    verb_module = importlib.import_module(f'binopos_ros.cli.{parsed.verb}')
+    try:
+        return int(verb_module.main(parsed))
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # The reader of our output has gone; so does the rest of the output.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (ValueError, OSError, RuntimeError) as error:
+        print(f'binopos {parsed.verb}: {" ".join(str(error).split())}', file=sys.stderr)
+        return USAGE_ERROR
+
+
+def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Part `--ros-args ... [--]` from the verb's own words, as rcl does."""
+    own: list[str] = []
+    ros: list[str] = []
+    inside = False
+    for word in words:
+        if word == '--ros-args':
+            inside = True
+        elif word == '--' and inside:
+            inside = False
+        elif inside:
+            ros.append(word)
+        else:
+            own.append(word)
+    return own, ros

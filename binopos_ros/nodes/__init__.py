@@ -1,0 +1,1 @@
+"""The ROS shell: one node per stage; parameters, topics and diagnostics, no mathematics."""
