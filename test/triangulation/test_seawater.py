@@ -3,10 +3,11 @@
 import math
 
 import pytest
-from binopos_ros.triangulation.errors import TriangulationError
-from binopos_ros.triangulation.seawater import index_prior, pressure_at_depth, water_index
 from hypothesis import given
 from hypothesis import strategies as st
+
+from binopos_ros.triangulation.errors import TriangulationError
+from binopos_ros.triangulation.seawater import index_prior, pressure_at_depth, water_index
 
 PRACTICAL = 35.16504 / 35.0  # g/kg per practical salinity unit
 
