@@ -1,0 +1,27 @@
+"""Cameras, flat interfaces and stereo rigs: points to pixels along bent rays, and back."""
+
+from binopos_ros.optics.camera import PinholeCamera
+from binopos_ros.optics.camera_info import (
+    CameraInfo,
+    CameraInfoWarning,
+    Roi,
+    read_camera_info,
+    stereo_from_camera_infos,
+    write_camera_info,
+)
+from binopos_ros.optics.errors import OpticsError
+from binopos_ros.optics.interface import FlatInterface
+from binopos_ros.optics.rig import StereoRig
+
+__all__ = [
+    'CameraInfo',
+    'CameraInfoWarning',
+    'FlatInterface',
+    'OpticsError',
+    'PinholeCamera',
+    'Roi',
+    'StereoRig',
+    'read_camera_info',
+    'stereo_from_camera_infos',
+    'write_camera_info',
+]
