@@ -1,0 +1,252 @@
+"""The shell that every filter shares: stamps, bad measurements, late ones, starting afresh.
+
+A filter proper is four pure functions on its own *memory* (an immutable record of arrays that are
+never written into): start, advance, correct, estimate. So a prediction changes nothing, and a late
+measurement is filed in exactly, by going back to the memory before it and taking the later ones
+again.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections import deque
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from binopos_ros.smoothing.options import Options, build
+from binopos_ros.smoothing.state import FilterState, unknown_state
+
+Array = NDArray[np.float64]
+MemoryT = TypeVar('MemoryT')
+
+#: A covariance whose determinant is below this part of its diagonal's product is singular.
+SINGULAR = 1e-10
+#: A longer pause (s) between refused positions ends the run that could start the filter afresh.
+RUN_PAUSE = 0.5
+#: No prediction ages a state by more (s): by then nothing is known, and powers stay finite.
+LONGEST_PREDICTION = 1e5
+
+
+class Estimate(NamedTuple):
+    """Position (3,), velocity (3,), their covariance (6, 6) and the last measurement's weight."""
+
+    position: Array
+    velocity: Array
+    covariance: Array
+    certainty: float
+
+
+class _Taken(NamedTuple):
+    """A measurement that went through the filter, and the memory after it."""
+
+    stamp: float
+    position: Array
+    covariance: Array
+    memory: Any
+
+
+class _Run(NamedTuple):
+    """Refused positions that agree with each other: where a new track may begin."""
+
+    since: float
+    stamp: float
+    position: Array
+
+
+class Filter(ABC, Generic[MemoryT]):
+    """A smoother of stamped 3-D positions; see :meth:`step`.
+
+    Raises :class:`SmoothingError` for an unknown option or one out of range, and nothing later.
+    """
+
+    name: ClassVar[str]
+    options_class: ClassVar[type[Options]] = Options
+
+    def __init__(self, **options: Any) -> None:
+        self.options = build(self.options_class, self.name, options)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all measurements; the options stay."""
+        self._memory: MemoryT | None = None
+        self._stamp = -math.inf
+        self._used_stamp = -math.inf
+        self._run: _Run | None = None
+        self._taken: deque[_Taken] = deque(maxlen=64)
+
+    def step(self, stamp: float, position: ArrayLike, covariance: ArrayLike) -> FilterState:
+        """Take one measurement in and return the state at the newest stamp.
+
+        Parameters
+        ----------
+        stamp : float
+            Instant of the measurement (s). Irregular and late stamps are welcome.
+        position : (3,) array
+            Measured position (m).
+        covariance : (3, 3) array
+            Its covariance (m^2): what the measurement's own noise explains, without the waves.
+
+        Returns
+        -------
+        FilterState
+            `reason` says why the measurement was not used; the state is then the prediction.
+
+        """
+        measured = np.asarray(position, dtype=np.float64)
+        spread = np.asarray(covariance, dtype=np.float64)
+        if not math.isfinite(stamp):
+            return self._say(self._stamp, 'the stamp is not finite')
+        reason = _why_bad(measured, spread)
+        if reason:
+            return self._say(stamp, reason)
+        if self._memory is None:
+            return self._begin(stamp, measured, spread)
+        elapsed = stamp - self._stamp
+        if elapsed <= 0.0:
+            return self._take_late(stamp, measured, spread)
+        if stamp - self._used_stamp > self.options.max_gap:
+            return self._begin(stamp, measured, spread)
+        memory = self._advance(self._memory, elapsed)
+        estimate = self._estimate(memory)
+        reason = self._why_unreachable(stamp, measured, estimate.position)
+        if reason:
+            return self._refuse(stamp, measured, spread, reason)
+        memory, reason = self._correct(memory, measured, spread)
+        self._keep(stamp, measured, spread, memory)
+        if reason:
+            return self._refuse(stamp, measured, spread, reason)
+        self._used_stamp = stamp
+        self._run = None
+        return FilterState(stamp, *self._estimate(memory))
+
+    def predict(self, stamp: float) -> FilterState:
+        """Return the state foretold for `stamp` (s) without changing the filter.
+
+        A stamp that is not finite or lies before the newest measurement gives the state there.
+        """
+        if not math.isfinite(stamp):
+            return self._say(self._stamp, 'the stamp is not finite')
+        if stamp < self._stamp:
+            return self._say(stamp, 'the stamp lies before the newest measurement')
+        return self._say(stamp, '')
+
+    @abstractmethod
+    def _start(self, position: Array, covariance: Array) -> MemoryT:
+        """Return the memory after a first measurement."""
+
+    @abstractmethod
+    def _advance(self, memory: MemoryT, elapsed: float) -> MemoryT:
+        """Return the memory `elapsed` seconds later, without a measurement."""
+
+    @abstractmethod
+    def _correct(self, memory: MemoryT, position: Array, covariance: Array) -> tuple[MemoryT, str]:
+        """Return the memory after a measurement at its stamp, and why it was not used, or ''."""
+
+    @abstractmethod
+    def _estimate(self, memory: MemoryT) -> Estimate:
+        """Return what the memory says of the target."""
+
+    def _say(self, stamp: float, reason: str) -> FilterState:
+        if self._memory is None:
+            return unknown_state(
+                stamp if math.isfinite(stamp) else 0.0, reason or 'no measurement yet'
+            )
+        elapsed = stamp - self._stamp
+        if elapsed <= 0.0:
+            estimate = self._estimate(self._memory)
+            stamp = self._stamp
+        else:
+            elapsed = min(elapsed, LONGEST_PREDICTION)
+            estimate = self._estimate(self._advance(self._memory, elapsed))
+        return FilterState(stamp, *estimate[:3], 0.0, reason)
+
+    def _begin(self, stamp: float, position: Array, covariance: Array) -> FilterState:
+        self.reset()
+        memory = self._start(position, covariance)
+        self._keep(stamp, position, covariance, memory)
+        self._used_stamp = stamp
+        return FilterState(stamp, *self._estimate(memory))
+
+    def _keep(self, stamp: float, position: Array, covariance: Array, memory: MemoryT) -> None:
+        self._memory = memory
+        self._stamp = stamp
+        self._taken.append(_Taken(stamp, position, covariance, memory))
+
+    def _why_unreachable(self, stamp: float, position: Array, expected: Array) -> str:
+        reach = self.options.max_jump + self.options.max_speed * (stamp - self._used_stamp)
+        distance = math.dist(position, expected)
+        if distance <= reach:
+            return ''
+        return f'the position lies {distance:.3g} m from the prediction, beyond {reach:.3g} m'
+
+    def _refuse(
+        self, stamp: float, position: Array, covariance: Array, reason: str
+    ) -> FilterState:
+        """Report a refused position; start afresh where a run of them agrees with itself."""
+        run = self._run
+        agrees = (
+            run is not None
+            and 0.0 < stamp - run.stamp <= RUN_PAUSE
+            and math.dist(position, run.position)
+            <= 0.25 * self.options.max_jump + self.options.max_speed * (stamp - run.stamp)
+        )
+        self._run = _Run(run.since if run is not None and agrees else stamp, stamp, position)
+        if stamp - self._run.since >= self.options.reacquire_after and agrees:
+            return self._begin(stamp, position, covariance)
+        return self._say(stamp, reason)
+
+    def _take_late(self, stamp: float, position: Array, covariance: Array) -> FilterState:
+        """File a late measurement in at its own stamp and take the later ones again."""
+        delay = self._stamp - stamp
+        if any(item.stamp == stamp for item in self._taken):
+            return self._say(stamp, f'the stamp {stamp:.6f} s was already used')
+        earlier = [item for item in self._taken if item.stamp < stamp]
+        if delay > self.options.max_delay or not earlier:
+            reason = f'the stamp lies {delay:.3g} s before the newest one'
+            return self._refuse(stamp, position, covariance, reason)
+        later = [item for item in self._taken if item.stamp > stamp]
+        base = earlier[-1]
+        memory, newest = base.memory, base.stamp
+        late_reason = ''
+        for _ in later:
+            self._taken.pop()
+        for item in [_Taken(stamp, position, covariance, None), *later]:
+            memory, reason = self._correct(
+                self._advance(memory, item.stamp - newest), item.position, item.covariance
+            )
+            newest = item.stamp
+            self._taken.append(item._replace(memory=memory))
+            if item.stamp == stamp:
+                late_reason = reason
+        self._memory = memory
+        estimate = self._estimate(memory)
+        return FilterState(self._stamp, *estimate[:3], estimate.certainty, late_reason)
+
+
+def _why_bad(position: Array, covariance: Array) -> str:
+    """Return what is wrong with a measurement in itself, or ''; in plain floats, for speed."""
+    if position.shape != (3,):
+        return f'the position has shape {position.shape}, not (3,)'
+    if covariance.shape != (3, 3):
+        return f'the covariance has shape {covariance.shape}, not (3, 3)'
+    x, y, z = position.tolist()
+    if not math.isfinite(x + y + z):
+        return 'the position is not finite'
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = covariance.tolist()
+    total = xx + xy + xz + yx + yy + yz + zx + zy + zz
+    if not math.isfinite(total):
+        return 'the covariance is not finite'
+    if abs(xy - yx) + abs(xz - zx) + abs(yz - zy) > 1e-6 * (abs(xx) + abs(yy) + abs(zz)):
+        return 'the covariance is not symmetric'
+    if min(xx, yy, zz) < 0.0:
+        return 'the covariance is negative'
+    minor = xx * yy - xy * xy
+    determinant = zz * minor - xx * yz * yz - yy * xz * xz + 2.0 * xy * yz * xz
+    if minor < 0.0 or determinant < -SINGULAR * xx * yy * zz:
+        return 'the covariance is negative'
+    if determinant <= SINGULAR * xx * yy * zz:
+        return 'the covariance is singular'
+    return ''

@@ -1,0 +1,96 @@
+"""Options of the filters: frozen dataclasses whose fields describe and check themselves.
+
+A field's metadata holds ``description``, ``unit``, ``range`` (lowest and highest allowed value)
+and ``choices`` (of a string), so that a ROS node can declare its parameters from it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from binopos_ros.smoothing.errors import SmoothingError
+
+OptionsT = TypeVar('OptionsT', bound='Options')
+
+
+def option(
+    default: Any,
+    description: str,
+    unit: str = '',
+    range: tuple[float, float] | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """Return a dataclass field of one option: its default, meaning, unit and allowed values."""
+    metadata = {'description': description, 'unit': unit, 'range': range, 'choices': choices}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Options:
+    """Base of every filter's options; raises :class:`SmoothingError` on a value not allowed.
+
+    These four guard every filter alike against measurements that no target can have made.
+    """
+
+    max_jump: float = option(
+        1.0, 'a position further than this from the prediction is refused', 'm', (1e-3, 1e3)
+    )
+    max_speed: float = option(
+        3.0, 'widens max_jump with the time since the last used position', 'm/s', (0.0, 1e3)
+    )
+    max_gap: float = option(
+        2.0,
+        'after a longer time without a used position the filter starts afresh',
+        's',
+        (0.1, 1e4),
+    )
+    max_delay: float = option(
+        0.25, 'a position that is late by up to this is filed in at its own stamp', 's', (0.0, 5.0)
+    )
+    reacquire_after: float = option(
+        0.4,
+        'refused positions that agree with each other for this long start the filter afresh',
+        's',
+        (0.0, 1e3),
+    )
+
+    def __post_init__(self) -> None:
+        for item in dataclasses.fields(self):
+            _check(item, getattr(self, item.name))
+
+
+def build(cls: type[OptionsT], filter_name: str, values: Mapping[str, Any]) -> OptionsT:
+    """Return options of class `cls`, or raise :class:`SmoothingError` naming what is unknown."""
+    known = [item.name for item in dataclasses.fields(cls)]
+    unknown = [name for name in values if name not in known]
+    if unknown:
+        msg = f'{filter_name}: unknown option {unknown[0]!r}; known are {", ".join(sorted(known))}'
+        raise SmoothingError(msg)
+    try:
+        return cls(**values)
+    except SmoothingError as error:
+        msg = f'{filter_name}: {error}'
+        raise SmoothingError(msg) from None
+
+
+def _check(item: dataclasses.Field[Any], value: Any) -> None:
+    default = item.default
+    if isinstance(default, str):
+        choices = item.metadata['choices']
+        if value not in choices:
+            msg = f'option {item.name} is {value!r}; it must be one of {", ".join(choices)}'
+            raise SmoothingError(msg)
+        return
+    wanted = 'a whole number' if isinstance(default, int) else 'a finite number'
+    good = isinstance(value, int if isinstance(default, int) else (int, float))
+    if not good or isinstance(value, bool) or not math.isfinite(value):
+        msg = f'option {item.name} is {value!r}; it must be {wanted}'
+        raise SmoothingError(msg)
+    lowest, highest = item.metadata['range']
+    if not lowest <= value <= highest:
+        unit = f' {item.metadata["unit"]}' if item.metadata['unit'] else ''
+        msg = f'option {item.name} is {value}; it must be from {lowest} to {highest}{unit}'
+        raise SmoothingError(msg)
