@@ -204,29 +204,45 @@ def run(factories: Sequence[Callable[[], Node]], arguments: Sequence[str] | None
     try:
         rclpy.init(args=list(arguments) if arguments is not None else None)
         for factory in factories:
-            nodes.append(factory())
+            nodes.append(_built(factory))
         spin(nodes)
     except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except (ValueError, OSError, RCLError) as error:
-        print(f'{_program(nodes)}: {one_line(error)}', file=sys.stderr)
+        return 0
+    except _RefusedError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except RCLError as error:
+        print(f'binopos_ros: the ROS arguments are refused: {one_line(error)}', file=sys.stderr)
         return 2
     finally:
-        # A second Ctrl-C while tidying up would print a traceback.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        _end(nodes)
     return 0
+
+
+class _RefusedError(Exception):
+    """A node that cannot start with the parameters it was given."""
+
+
+def _built(factory: Callable[[], Node]) -> Node:
+    try:
+        return factory()
+    except (ValueError, OSError) as error:
+        name = factory.__name__.removesuffix('Node').lower()
+        msg = f'{name}: {one_line(error)}'
+        raise _RefusedError(msg) from error
+
+
+def _end(nodes: Sequence[Node]) -> None:
+    # A second Ctrl-C while tidying up would print a traceback.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
 
 
 def one_line(error: BaseException) -> str:
     """An error as one line of text."""
     return ' '.join(str(error).split())
-
-
-def _program(nodes: Sequence[Node]) -> str:
-    return nodes[-1].get_name() if nodes else 'binopos'
 
 
 def _description(spec: ParameterSpec) -> str:

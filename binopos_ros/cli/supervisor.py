@@ -1,0 +1,125 @@
+"""Keeps the nodes up: each in a process of its own, restarted with growing pauses when it dies."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from binopos_ros.nodes.supervised import SUPERVISED
+
+FIRST_PAUSE = 0.5
+LONGEST_PAUSE = 30.0
+#: A node that stayed up for this long has recovered: its next pause is the first one again.
+RECOVERED = 20.0
+#: Seconds that a node has to end after SIGINT, and again after SIGTERM.
+PATIENCE = 2.0
+USAGE_ERROR = 2
+
+
+@dataclass
+class Child:
+    """One node's process and its history."""
+
+    name: str
+    command: list[str]
+    process: subprocess.Popen[bytes] | None = None
+    started: float = 0.0
+    restart_at: float = 0.0
+    pause: float = FIRST_PAUSE
+    restarts: int = 0
+
+
+@dataclass
+class Supervisor:
+    """Starts nodes, restarts those that die, ends them all.
+
+    Args:
+        nodes: the names of the nodes.
+        ros_arguments: words that every node gets after `--ros-args`.
+        report: takes one line of text for the user.
+    """
+
+    nodes: Sequence[str]
+    ros_arguments: Sequence[str] = ()
+    report: Callable[[str], None] = field(default=lambda line: print(line, file=sys.stderr))
+
+    def __post_init__(self) -> None:
+        ros_words = ['--ros-args', *self.ros_arguments] if self.ros_arguments else []
+        self.children = [
+            Child(name, [sys.executable, '-m', 'binopos_ros.nodes', name, *ros_words])
+            for name in self.nodes
+        ]
+
+    def start(self) -> None:
+        """Start every node."""
+        for child in self.children:
+            self._start(child)
+
+    def poll(self) -> str:
+        """Restart what has died; to be called a few times per second.
+
+        Returns '' or, where a node refused its parameters, why the suite cannot run.
+        """
+        now = time.monotonic()
+        for child in self.children:
+            if child.process is None:
+                if now >= child.restart_at:
+                    child.restarts += 1
+                    self._start(child)
+                continue
+            status = child.process.poll()
+            if status is None:
+                continue
+            if status == USAGE_ERROR:
+                return f'the {child.name} refused to start (see its line above)'
+            if now - child.started > RECOVERED:
+                child.pause = FIRST_PAUSE
+            self.report(
+                f'the {child.name} died ({describe_exit(status)}): '
+                f'starting it again in {child.pause:g} s'
+            )
+            child.process = None
+            child.restart_at = now + child.pause
+            child.pause = min(2 * child.pause, LONGEST_PAUSE)
+        return ''
+
+    def stop(self) -> None:
+        """End every node: SIGINT, then SIGTERM, then SIGKILL for those that do not listen."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            running = [child for child in self.children if child.process is not None]
+            for child in running:
+                if child.process is not None and child.process.poll() is None:
+                    if number == signal.SIGKILL:
+                        self.report(f'the {child.name} did not end when asked: killed')
+                    child.process.send_signal(number)
+            deadline = time.monotonic() + PATIENCE
+            for child in running:
+                if child.process is None:
+                    continue
+                try:
+                    child.process.wait(max(0.0, deadline - time.monotonic()))
+                    child.process = None
+                except subprocess.TimeoutExpired:
+                    continue
+
+    def _start(self, child: Child) -> None:
+        child.started = time.monotonic()
+        child.process = subprocess.Popen(
+            child.command,
+            # Ctrl-C in the terminal reaches the supervisor alone, which then ends them in order.
+            start_new_session=True,
+            env={**os.environ, SUPERVISED: '1'},
+            stdin=subprocess.DEVNULL,
+        )
+
+
+def describe_exit(status: int) -> str:
+    """An exit status in words."""
+    if status < 0:
+        return f'killed by {signal.Signals(-status).name}'
+    return f'exit status {status}'

@@ -1,0 +1,59 @@
+"""The target as RViz shows it: a red ball, and the 95 % ellipsoid of its position."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from visualization_msgs.msg import Marker, MarkerArray
+
+#: Of the chi-square distribution with three degrees of freedom, the 95 % point.
+CHI_SQUARE_95 = 7.815
+BALL_DIAMETER = 0.02
+
+
+def target_markers(pose: PoseWithCovarianceStamped) -> MarkerArray:
+    """The ball at the target's position and the ellipsoid about it."""
+    ball = Marker(header=pose.header, ns='target', id=0, type=Marker.SPHERE, action=Marker.ADD)
+    ball.pose = pose.pose.pose
+    ball.scale.x = ball.scale.y = ball.scale.z = BALL_DIAMETER
+    ball.color.r, ball.color.a = 1.0, 1.0
+    ellipsoid = Marker(
+        header=pose.header, ns='covariance', id=1, type=Marker.SPHERE, action=Marker.ADD
+    )
+    ellipsoid.pose.position = pose.pose.pose.position
+    covariance = np.asarray(pose.pose.covariance).reshape(6, 6)[:3, :3]
+    variances, axes = np.linalg.eigh(covariance)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] *= -1
+    orientation = ellipsoid.pose.orientation
+    orientation.x, orientation.y, orientation.z, orientation.w = quaternion(axes)
+    lengths = 2 * np.sqrt(CHI_SQUARE_95 * np.clip(variances, 1e-12, None))
+    ellipsoid.scale.x, ellipsoid.scale.y, ellipsoid.scale.z = (float(x) for x in lengths)
+    ellipsoid.color.r, ellipsoid.color.g, ellipsoid.color.a = 1.0, 0.6, 0.4
+    return MarkerArray(markers=[ball, ellipsoid])
+
+
+def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
+    """(x, y, z, w) of a rotation matrix (3, 3), by its largest component."""
+    r = rotation
+    squares = np.array(
+        [
+            1 + r[0, 0] - r[1, 1] - r[2, 2],
+            1 - r[0, 0] + r[1, 1] - r[2, 2],
+            1 - r[0, 0] - r[1, 1] + r[2, 2],
+            1 + r[0, 0] + r[1, 1] + r[2, 2],
+        ]
+    )
+    products = np.array(
+        [
+            [squares[0], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],
+            [r[0, 1] + r[1, 0], squares[1], r[1, 2] + r[2, 1], r[0, 2] - r[2, 0]],
+            [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], squares[2], r[1, 0] - r[0, 1]],
+            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], squares[3]],
+        ]
+    )
+    largest = int(np.argmax(squares))
+    x, y, z, w = (float(v) for v in products[largest] / (2 * math.sqrt(squares[largest])))
+    return x, y, z, w

@@ -1,0 +1,107 @@
+"""The smoother node: `target/position` in, the filtered `target/pose` out."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from rclpy.timer import Timer
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from binopos_ros.nodes import messages
+from binopos_ros.nodes.diagnostics import StageDiagnostics
+from binopos_ros.nodes.markers import target_markers
+from binopos_ros.nodes.shell import StageNode, run
+from binopos_ros.smoothing.stage import Pose, Smoother, SmootherOptions, filter_options_type
+
+
+class SmootherNode(StageNode):
+    """Smooths positions with a filter and publishes pose, odometry and markers."""
+
+    def __init__(self) -> None:
+        super().__init__('smoother')
+        self._options = self.declare_options(SmootherOptions, self._configure)
+        self._filter_options = self.declare_options(
+            filter_options_type(self._options.method), self._configure_filter
+        )
+        self.refuse_unknown_parameters()
+        self._frame_id = ''
+        self._timer: Timer | None = None
+        self._build()
+        self._diagnostics = StageDiagnostics(self, 'target', self._details)
+        self._certainty = 0.0
+        self._pose = self.publisher(PoseWithCovarianceStamped, 'target/pose')
+        self._odometry = self.publisher(Odometry, 'target/odometry')
+        self._markers = self.publisher(MarkerArray, 'target/markers')
+        self.subscription(PoseWithCovarianceStamped, 'target/position', self._on_position)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+
+    def _configure(self, options: SmootherOptions) -> None:
+        self._options = options
+        self._build()
+
+    def _configure_filter(self, options: Any) -> None:
+        self._filter_options = options
+        self._build()
+
+    def _build(self) -> None:
+        self._smoother = Smoother(self._options, dataclasses.asdict(self._filter_options))
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+            self._timer = None
+        if self._options.output_rate > 0:
+            self._timer = self.create_timer(1 / self._options.output_rate, self._on_tick)
+
+    def _on_position(self, message: PoseWithCovarianceStamped) -> None:
+        self._diagnostics.received['target/position'] += 1
+        point = message.pose.pose.position
+        self._frame_id = message.header.frame_id
+        pose, reason = self._smoother.add(
+            messages.nanoseconds(message.header.stamp),
+            np.array([point.x, point.y, point.z]),
+            message.pose.covariance.reshape(6, 6)[:3, :3],
+        )
+        if reason:
+            self._diagnostics.drop(reason)
+        if pose is not None and self._options.output_rate == 0:
+            self._publish(pose)
+
+    def _on_tick(self) -> None:
+        pose = self._smoother.predict(self.get_clock().now().nanoseconds)
+        if pose is not None:
+            self._publish(pose)
+
+    def _publish(self, pose: Pose) -> None:
+        state = pose.state
+        self._certainty = state.certainty
+        message = messages.pose_message(
+            pose.stamp, self._frame_id, state.position, state.covariance[:3, :3]
+        )
+        self._pose.publish(message)
+        odometry = Odometry(header=message.header, child_frame_id='target', pose=message.pose)
+        linear = odometry.twist.twist.linear
+        linear.x, linear.y, linear.z = (float(value) for value in state.velocity)
+        odometry.twist.covariance = messages.pose_covariance(state.covariance[3:, 3:])
+        self._odometry.publish(odometry)
+        if self._markers.get_subscription_count() > 0:
+            self._markers.publish(target_markers(message))
+        self._diagnostics.published += 1
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._smoother.reset()
+        response.success = True
+        response.message = 'the target was forgotten'
+        return response
+
+    def _details(self) -> dict[str, object]:
+        return {'Filter': self._options.method, 'Certainty': f'{self._certainty:.3f}'}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop; the exit status."""
+    return run([SmootherNode], arguments)

@@ -1,0 +1,90 @@
+"""The triangulator node: left and right centroids in, `target/position` out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
+from sensor_msgs.msg import CameraInfo
+
+from binopos_ros.nodes import messages
+from binopos_ros.nodes.diagnostics import StageDiagnostics
+from binopos_ros.nodes.shell import StageNode, run
+from binopos_ros.triangulation.options import TriangulatorOptions
+from binopos_ros.triangulation.pairing import SIDES
+from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
+
+
+class TriangulatorNode(StageNode):
+    """Triangulates pairs of centroids along the bent rays."""
+
+    def __init__(self) -> None:
+        super().__init__('triangulator')
+        options = self.declare_options(TriangulatorOptions, self._configure)
+        self.refuse_unknown_parameters()
+        self._triangulator = Triangulator(options)
+        self._diagnostics = StageDiagnostics(self, 'stereo rig', self._details)
+        self._position = self.publisher(PoseWithCovarianceStamped, 'target/position')
+        self._index = self.publisher(Vector3Stamped, 'target/refractive_index')
+        for side in SIDES:
+            self.subscription(
+                CameraInfo, f'{side}/camera_info', partial(self._on_camera_info, side)
+            )
+            self.subscription(
+                PoseWithCovarianceStamped, f'{side}/centroid', partial(self._on_centroid, side)
+            )
+
+    def _configure(self, options: TriangulatorOptions) -> None:
+        self._triangulator.configure(options)
+
+    def _on_camera_info(self, side: str, message: CameraInfo) -> None:
+        try:
+            self._triangulator.set_camera(side, messages.camera_info(message, side))
+        except ValueError as error:
+            self._refuse(f'{side}/camera_info cannot be used: {error}')
+        else:
+            self._diagnostics.error = ''
+
+    def _refuse(self, problem: str) -> None:
+        if problem != self._diagnostics.error:
+            self.get_logger().error(problem)
+        self._diagnostics.error = problem
+
+    def _on_centroid(self, side: str, message: PoseWithCovarianceStamped) -> None:
+        self._diagnostics.received[f'{side}/centroid'] += 1
+        point = message.pose.pose.position
+        centroid = Centroid(
+            stamp=messages.nanoseconds(message.header.stamp),
+            frame_id=message.header.frame_id,
+            centre=np.array([point.x, point.y]),
+            covariance=message.pose.covariance.reshape(6, 6)[:2, :2],
+            diameter=point.z,
+        )
+        self._hand_on(self._triangulator.add(side, centroid))
+
+    def _hand_on(self, results: Iterable[Position | Drop]) -> None:
+        for result in results:
+            if isinstance(result, Drop):
+                self._diagnostics.drop(result.reason)
+                continue
+            self._position.publish(
+                messages.pose_message(
+                    result.stamp, result.frame_id, result.point, result.covariance
+                )
+            )
+            index = Vector3Stamped(header=messages.header(result.stamp, result.frame_id))
+            index.vector.x = result.index
+            index.vector.y = result.index_std
+            index.vector.z = float(result.index_observed)
+            self._index.publish(index)
+            self._diagnostics.published += 1
+
+    def _details(self) -> dict[str, object]:
+        return {'Pairs': self._triangulator.pairs}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node until it is told to stop; the exit status."""
+    return run([TriangulatorNode], arguments)

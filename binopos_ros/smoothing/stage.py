@@ -1,0 +1,111 @@
+"""The smoothing stage: positions in, filtered poses out; when to foretell and when to be silent.
+
+It is the same object in the live node and in `binopos process`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from binopos_ros.smoothing.factory import FILTERS, make_filter
+from binopos_ros.smoothing.options import Options
+from binopos_ros.smoothing.state import FilterState
+
+
+@dataclass(frozen=True)
+class SmootherOptions:
+    """Options of the smoothing stage; the filter's own options stand beside them."""
+
+    method: str = field(
+        default='cloud-kalman',
+        metadata={
+            'description': 'the filter',
+            'choices': tuple(FILTERS),
+            'read_only': True,
+        },
+    )
+    sensor_timeout: float = field(
+        default=0.5,
+        metadata={
+            'description': 'for this long after the last used position the pose is foretold, '
+            'with a growing covariance; then it stops',
+            'unit': 's',
+            'range': (0.0, 60.0),
+        },
+    )
+    output_rate: float = field(
+        default=0.0,
+        metadata={
+            'description': 'poses per second at a fixed rate; 0: one per position, at its stamp',
+            'unit': 'Hz',
+            'range': (0.0, 500.0),
+        },
+    )
+
+
+def filter_options_type(method: str) -> type[Options]:
+    """The options of the filter that `method` names."""
+    return FILTERS[method].options_class
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A filtered target: `stamp` in nanoseconds, the filter's state at that stamp."""
+
+    stamp: int
+    state: FilterState
+
+
+class Smoother:
+    """A filter with the rules about what is published."""
+
+    def __init__(
+        self, options: SmootherOptions, filter_options: Mapping[str, Any] | None = None
+    ) -> None:
+        self.options = options
+        self._filter = make_filter(options.method, **(filter_options or {}))
+        self._last_used: int | None = None
+
+    def reset(self) -> None:
+        """Forget the target."""
+        self._filter.reset()
+        self._last_used = None
+
+    def add(
+        self, stamp: int, point: NDArray[np.float64], covariance: NDArray[np.float64]
+    ) -> tuple[Pose | None, str]:
+        """Take one position in.
+
+        Args:
+            stamp: nanoseconds.
+            point: (3,) m.
+            covariance: (3, 3) m^2.
+
+        Returns:
+            The pose at that stamp, or None where nothing can be said of it; and why the position
+            was not used, or ''.
+        """
+        state = self._filter.step(stamp * 1e-9, point, covariance)
+        if not state.reason:
+            is_late = self._last_used is not None and stamp < self._last_used
+            self._last_used = max(stamp, self._last_used or stamp)
+            # A late position mends the state, whose newest pose has been published already.
+            return (None if is_late else Pose(stamp, state)), ''
+        return self._foretold(stamp, state), state.reason
+
+    def predict(self, stamp: int) -> Pose | None:
+        """The pose foretold for a stamp (nanoseconds), None once `sensor_timeout` has passed."""
+        return self._foretold(stamp, self._filter.predict(stamp * 1e-9))
+
+    def _foretold(self, stamp: int, state: FilterState) -> Pose | None:
+        if self._last_used is None or not state.known:
+            return None
+        elapsed = (stamp - self._last_used) * 1e-9
+        if not 0.0 < elapsed <= self.options.sensor_timeout:
+            return None
+        return Pose(stamp, state)
