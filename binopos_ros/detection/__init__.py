@@ -1,0 +1,26 @@
+"""The red target in an image: found, told from its likes, and measured (the paper's Sec. 2.5)."""
+
+from __future__ import annotations
+
+from .detector import Detector, detect
+from .errors import DetectionError
+from .images import ENCODINGS, JPEG_DECODER, Frame, JpegImage, RawImage, decode
+from .options import DetectorOptions
+from .target import Candidate, Detection, Ellipse, Target
+
+__all__ = [
+    'ENCODINGS',
+    'JPEG_DECODER',
+    'Candidate',
+    'Detection',
+    'DetectionError',
+    'Detector',
+    'DetectorOptions',
+    'Ellipse',
+    'Frame',
+    'JpegImage',
+    'RawImage',
+    'Target',
+    'decode',
+    'detect',
+]

@@ -1,0 +1,299 @@
+"""Red patches, their shapes, and which of them is the target.
+
+A patch is first seen where the redness of a square stands out from that of the frame around it,
+at one of several sizes an octave apart. It is then outlined half-way between its own redness and
+its surroundings', at a scale where it is large enough to show its shape and small enough to be
+quick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from .colour import Map, redness
+from .images import Frame
+from .options import DetectorOptions
+from .target import Candidate, Ellipse
+
+Window = tuple[int, int, int, int]
+
+SEARCH_WIDTH = 320
+SHAPE_SIZE = 16
+MAX_SEEDS = 16
+
+
+@dataclass(frozen=True)
+class _Patch:
+    """A patch in pixels of a reduced map."""
+
+    box: Window
+    mask: npt.NDArray[np.uint8]
+    inside: float
+    outside: float
+    cut: bool
+
+
+def search_factor(frame: Frame) -> int:
+    """Give the factor by which a frame is reduced to be searched: 1 or even."""
+    factor = 1
+    while max(frame.width, frame.height) / factor > SEARCH_WIDTH * 1.5:
+        factor *= 2
+    return factor
+
+
+def find(frame: Frame, window: Window, options: DetectorOptions) -> tuple[list[Candidate], float]:
+    """Find the candidates in a window, the best first, and the contrast that was asked of them.
+
+    Those refused bear their reason; the first without one is the target.
+    """
+    factor = search_factor(frame)
+    x0, y0 = window[0] // factor * factor, window[1] // factor * factor
+    x1 = min(-(-window[2] // factor) * factor, frame.width)
+    y1 = min(-(-window[3] // factor) * factor, frame.height)
+    shades = redness(frame.reduced(factor, x0, y0, x1, y1))
+    threshold = max(options.min_contrast, options.noise_factor * _noise(shades))
+    candidates: list[Candidate] = []
+    for column, row, size in _seeds(shades, threshold):
+        patch = _outlined(shades, column, row, size)
+        if patch is None:
+            continue
+        candidate = _described(frame, patch, factor, (x0, y0), threshold, options)
+        if candidate is None or any(_same(candidate, other) for other in candidates):
+            continue
+        candidates.append(candidate)
+    candidates.sort(key=lambda each: (bool(each.reason), -each.score))
+    if options.mirror_above:
+        candidates = _without_mirror_images(candidates)
+    return candidates, threshold
+
+
+def _noise(shades: Map) -> float:
+    return 1.5 * float(np.median(np.abs(shades - cv2.blur(shades, (3, 3)))))
+
+
+def _seeds(shades: Map, threshold: float) -> list[tuple[int, int, int]]:
+    """Where the redness stands out: column, row and the size of the square, strongest first."""
+    best = np.full(shades.shape, -np.inf, np.float32)
+    scale = np.zeros(shades.shape, np.uint8)
+    means = shades
+    sizes = [1]
+    while sizes[-1] < min(shades.shape) / 2:
+        inner, size = sizes[-1], sizes[-1] * 2 + 1
+        wider = cv2.blur(shades, (size, size), borderType=cv2.BORDER_REFLECT)
+        contrast = (means - wider) * np.float32(size**2 / (size**2 - inner**2))
+        scale[contrast > best] = len(sizes) - 1
+        best = np.maximum(best, contrast)
+        sizes.append(size)
+        means = np.asarray(wider, np.float32)
+    peaks = (best >= cv2.dilate(best, np.ones((3, 3), np.uint8))) & (best > threshold * 0.75)
+    rows, columns = np.nonzero(peaks)
+    order = np.argsort(-best[rows, columns], kind='stable')[:MAX_SEEDS]
+    return [(int(columns[k]), int(rows[k]), sizes[scale[rows[k], columns[k]]]) for k in order]
+
+
+def _outlined(shades: Map, column: int, row: int, size: int) -> _Patch | None:
+    """The patch about a pixel, cut half-way between its redness and its surroundings'."""
+    height, width = shades.shape
+    half = size + 2
+    for _ in range(6):
+        x0, y0 = max(column - half, 0), max(row - half, 0)
+        x1, y1 = min(column + half + 1, width), min(row + half + 1, height)
+        part = shades[y0:y1, x0:x1]
+        reach = size // 2
+        inside = float(
+            shades[
+                max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
+            ].mean()
+        )
+        outside = float(np.median(_frame_of(part)))
+        patch = _settled(part, column - x0, row - y0, inside, outside)
+        if patch is None:
+            return None
+        bx0, by0, bx1, by1 = patch.box
+        grows = (
+            (bx0 == 0 and x0 > 0)
+            or (by0 == 0 and y0 > 0)
+            or (bx1 == x1 - x0 and x1 < width)
+            or (by1 == y1 - y0 and y1 < height)
+        )
+        box = (bx0 + x0, by0 + y0, bx1 + x0, by1 + y0)
+        if not grows:
+            cut = box[0] == 0 or box[1] == 0 or box[2] == width or box[3] == height
+            return replace(patch, box=box, cut=cut)
+        half *= 2
+    return None
+
+
+def _settled(part: Map, column: int, row: int, inside: float, outside: float) -> _Patch | None:
+    """Cut, take the means on both sides, and cut again until the patch stays as it is."""
+    mask = None
+    box = (0, 0, 0, 0)
+    for _ in range(5):
+        level = (inside + outside) / 2
+        labels = cv2.connectedComponents((part > level).view(np.uint8), connectivity=4)[1]
+        label = labels[row, column]
+        if label == 0:
+            return None
+        cut = (labels == label).view(np.uint8)
+        if mask is not None and np.array_equal(cut, mask):
+            break
+        mask = cut
+        bx, by, bw, bh = cv2.boundingRect(mask)
+        box = (bx, by, bx + bw, by + bh)
+        margin = 2 + max(bw, bh) // 4
+        near = (
+            slice(max(by - margin, 0), by + bh + margin),
+            slice(max(bx - margin, 0), bx + bw + margin),
+        )
+        grown = cv2.dilate(mask, np.ones((3, 3), np.uint8))
+        around = part[near][grown[near] == 0]
+        if around.size < 4:
+            return None
+        core = cv2.erode(mask, np.ones((3, 3), np.uint8), borderValue=0)
+        inside = float(np.median(part[(core if core.any() else mask) > 0]))
+        outside = float(np.median(around))
+    if mask is None:
+        return None
+    return _Patch(box, mask[box[1] : box[3], box[0] : box[2]], inside, outside, False)
+
+
+def _frame_of(part: Map) -> Map:
+    return np.concatenate([part[0], part[-1], part[1:-1, 0], part[1:-1, -1]])
+
+
+def _described(
+    frame: Frame,
+    patch: _Patch,
+    factor: int,
+    origin: tuple[int, int],
+    threshold: float,
+    options: DetectorOptions,
+) -> Candidate | None:
+    """Outline a patch at the scale that suits its size, and judge it."""
+    x0, y0, x1, y1 = patch.box
+    size = max(x1 - x0, y1 - y0)
+    finer = factor
+    while finer > 1 and size * factor / finer < SHAPE_SIZE:
+        finer //= 2
+    if finer < factor:
+        margin = size // 2 + 4
+        wide = (
+            max((x0 - margin) * factor + origin[0], 0),
+            max((y0 - margin) * factor + origin[1], 0),
+            min((x1 + margin) * factor + origin[0], frame.width),
+            min((y1 + margin) * factor + origin[1], frame.height),
+        )
+        shades = np.asarray(cv2.blur(redness(frame.reduced(finer, *wide)), (3, 3)), np.float32)
+        seen = patch.mask.astype(bool)
+        rows, columns = np.nonzero(seen)
+        k = int(np.argmin(np.hypot(rows - rows.mean(), columns - columns.mean())))
+        column = ((x0 + columns[k] + 0.5) * factor + origin[0] - wide[0]) / finer
+        row = ((y0 + rows[k] + 0.5) * factor + origin[1] - wide[1]) / finer
+        column = min(int(column), shades.shape[1] - 1)
+        row = min(int(row), shades.shape[0] - 1)
+        settled = _settled(shades, column, row, patch.inside, patch.outside)
+        if settled is None:
+            return None
+        patch, origin = settled, (wide[0], wide[1])
+    outline, fit = _shape(patch, finer, origin)
+    cut = _is_cut(patch, finer, origin, frame)
+    return _judged(outline, fit, patch, cut, threshold, options)
+
+
+def _is_cut(patch: _Patch, factor: int, origin: tuple[int, int], frame: Frame) -> bool:
+    x0, y0, x1, y1 = patch.box
+    return (
+        x0 * factor + origin[0] <= 0
+        or y0 * factor + origin[1] <= 0
+        or (x1 + 1) * factor + origin[0] > frame.width
+        or (y1 + 1) * factor + origin[1] > frame.height
+    )
+
+
+def _shape(patch: _Patch, factor: int, origin: tuple[int, int]) -> tuple[Ellipse, float]:
+    """The ellipse of a patch's moments, in px of the image, and how well the two agree."""
+    m = cv2.moments(patch.mask, binaryImage=True)
+    area = m['m00']
+    u, v = m['m10'] / area, m['m01'] / area
+    moments = np.array([[m['mu20'], m['mu11']], [m['mu11'], m['mu02']]]) / area
+    moments += np.eye(2) / 12
+    height, width = patch.mask.shape
+    x, y = np.arange(width) - u, np.arange(height) - v
+    inverse = np.linalg.inv(4 * moments)
+    ellipse = (
+        inverse[0, 0] * x * x
+        + (inverse[1, 1] * y * y)[:, None]
+        + 2 * inverse[0, 1] * y[:, None] * x
+    ) < 1
+    filled = patch.mask > 0
+    # The ellipse reaches beyond the patch's box where the two differ; its area does not show that.
+    full = 4 * np.pi * float(np.sqrt(np.linalg.det(moments)))
+    both = float((ellipse & filled).sum())
+    fit = both / (max(full, float(ellipse.sum())) + area - both)
+    centre = np.array([patch.box[0] + u + 0.5, patch.box[1] + v + 0.5]) * factor - 0.5 + origin
+    return Ellipse(centre, moments * factor**2), fit
+
+
+def _judged(
+    outline: Ellipse,
+    fit: float,
+    patch: _Patch,
+    cut: bool,
+    threshold: float,
+    options: DetectorOptions,
+) -> Candidate:
+    major, minor = outline.semi_axes
+    contrast = patch.inside - patch.outside
+    reason = ''
+    if contrast < threshold:
+        reason = f'contrast {contrast:.2f} is below {threshold:.2f}'
+    elif patch.inside < options.min_redness:
+        reason = f'redness {patch.inside:.2f} is below {options.min_redness:.2f}'
+    elif cut:
+        reason = 'cut by the edge of the image'
+    elif 2 * major < options.min_diameter:
+        reason = f'diameter {2 * major:.1f} px is below {options.min_diameter:.1f} px'
+    elif 2 * major > options.max_diameter:
+        reason = f'diameter {2 * major:.1f} px is above {options.max_diameter:.1f} px'
+    elif minor < options.min_axis_ratio * major:
+        reason = f'axis ratio {minor / major:.2f} is below {options.min_axis_ratio:.2f}'
+    elif fit < options.min_fit:
+        reason = f'shape agrees with an ellipse by {fit:.2f}, less than {options.min_fit:.2f}'
+    score = contrast * fit**4 * float(np.sqrt(major * minor))
+    return Candidate(outline, contrast, patch.inside, fit, score, reason)
+
+
+def _same(one: Candidate, other: Candidate) -> bool:
+    distance = float(np.hypot(*(one.outline.centre - other.outline.centre)))
+    return distance < 0.5 * min(one.outline.semi_axes[0], other.outline.semi_axes[0]) + 1
+
+
+def _without_mirror_images(candidates: list[Candidate]) -> list[Candidate]:
+    """Refuse whatever has a like patch below it: its own mirror image lies above a target."""
+    good = [each for each in candidates if not each.reason]
+    out = []
+    for each in candidates:
+        below = next((low for low in good if _is_mirror_image(each, low)), None)
+        if each.reason or below is None:
+            out.append(each)
+            continue
+        u, v = below.outline.centre
+        reason = f'mirror image of the patch at ({u:.0f}, {v:.0f}) below'
+        out.append(replace(each, reason=reason))
+    return sorted(out, key=lambda each: (bool(each.reason), -each.score))
+
+
+def _is_mirror_image(upper: Candidate, lower: Candidate) -> bool:
+    du, dv = lower.outline.centre - upper.outline.centre
+    size = lower.outline.semi_axes[0] * 2
+    like = 0.5 < upper.outline.semi_axes[0] * 2 / size < 2
+    return bool(
+        like
+        and dv > size
+        and abs(du) < max(0.2 * dv, size)
+        and lower.contrast > 0.6 * upper.contrast
+    )

@@ -1,0 +1,103 @@
+"""The detector's options; the nodes declare their ROS parameters from them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+from .errors import DetectionError
+
+METHODS = ('subpixel', 'paper')
+
+
+def _option(
+    default: Any, description: str, unit: str = '', span: tuple[float, float] | None = None
+) -> Any:
+    metadata: dict[str, Any] = {'description': description, 'unit': unit}
+    if span is not None:
+        metadata['range'] = span
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class DetectorOptions:
+    """How to find the target. Raises DetectionError where a value is out of its range."""
+
+    method: Literal['subpixel', 'paper'] = field(
+        default='subpixel',
+        metadata={
+            'description': 'subpixel: red against its surroundings, centre to hundredths of a '
+            'pixel; paper: R and G against fixed levels, middle of the four extremes',
+            'choices': METHODS,
+        },
+    )
+    min_diameter: float = _option(
+        6.0, 'Smallest major axis of the outline of a target', 'px', (3.0, 4000.0)
+    )
+    max_diameter: float = _option(
+        1000.0, 'Largest major axis of the outline of a target', 'px', (3.0, 4000.0)
+    )
+    min_axis_ratio: float = _option(
+        0.25,
+        'Smallest ratio of minor to major axis: a disc tilted by t shows about cos(t)',
+        '',
+        (0.05, 1.0),
+    )
+    min_fit: float = _option(
+        0.8,
+        'Smallest share in which the patch and the ellipse of its moments agree',
+        '',
+        (0.0, 1.0),
+    )
+    min_redness: float = _option(
+        -0.05,
+        'Smallest redness (R - G) / (R + G + B) of a target; below 0 it may look orange or grey',
+        '',
+        (-1.0, 1.0),
+    )
+    min_contrast: float = _option(
+        0.12,
+        'Smallest difference of redness between a target and its surroundings',
+        '',
+        (0.0, 2.0),
+    )
+    noise_factor: float = _option(
+        6.0,
+        'Smallest such difference as a multiple of the noise of redness in the image',
+        '',
+        (0.0, 100.0),
+    )
+    mirror_above: bool = _option(
+        True,
+        'Refuse the upper of two like patches, one above the other: seen from under water it is '
+        "the target's mirror image in the surface",
+    )
+    track: bool = _option(
+        True, 'Search a window about the predicted place first; all of the image only when lost'
+    )
+    paper_red: int = _option(
+        168, 'method paper: a red pixel has R above this', 'grey levels', (0, 255)
+    )
+    paper_green: int = _option(
+        50, 'method paper: a red pixel has G below this', 'grey levels', (0, 255)
+    )
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            msg = f'method is {self.method!r}: choose one of {", ".join(METHODS)}'
+            raise DetectionError(msg)
+        for each in fields(self):
+            value, span = getattr(self, each.name), each.metadata.get('range')
+            if span is None:
+                continue
+            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not (is_number and math.isfinite(value) and span[0] <= value <= span[1]):
+                msg = f'{each.name} is {value!r}: give a number in {span[0]} .. {span[1]}'
+                raise DetectionError(msg)
+        if self.min_diameter > self.max_diameter:
+            msg = (
+                f'min_diameter is {self.min_diameter} and max_diameter {self.max_diameter}: '
+                f'the smallest must not exceed the largest'
+            )
+            raise DetectionError(msg)
