@@ -1,0 +1,324 @@
+"""Where the messages of one MCAP file lie: by its summary, or by a scan where it has none.
+
+A whole file ends with a summary (chunk index, channels, schemas, statistics). A file whose writer
+was killed, or whose disk filled, has none or a torn one; then its records are walked from the
+start. The walk jumps over the chunks' contents, so it costs little even on a long recording.
+
+The format: https://mcap.dev/spec
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import struct
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Channel, ChunkIndex, Schema
+from mcap.summary import Summary
+
+from binopos_ros.bag.chunks import (
+    RECORD_HEAD,
+    RawMessage,
+    decompress,
+    message_at,
+    salvage,
+    split_records,
+)
+from binopos_ros.bag.errors import BagError
+
+MAGIC = b'\x89MCAP0\r\n'
+
+#: A run of messages outside chunks is read in stretches of about this many bytes.
+_LOOSE_SPAN_BYTES = 1 << 20
+_RECORD_LIMIT = 4 << 30
+_CHUNK_HEAD = struct.Struct('<QQQII')  # start, end, size, crc, length of the compression's name
+_MESSAGE_INDEX_HEAD = struct.Struct('<HI')  # channel, bytes of its entries
+_MESSAGE_TIMES = struct.Struct('<HIQ')  # channel, sequence, log time
+
+_log = logging.getLogger('binopos.bag')
+
+
+@dataclass
+class Span:
+    """A stretch of the file that is read in one go: a chunk, or a run of loose messages."""
+
+    start_ns: int
+    end_ns: int
+    offset: int  #: of the first record's head
+    length: int  #: bytes, heads included
+    kind: str  #: 'chunk', 'torn' (a chunk cut off by the end of the file) or 'loose'
+    channel_ids: frozenset[int] | None = None  #: None where unknown
+
+
+@dataclass
+class FileIndex:
+    """What one file holds; times in nanoseconds."""
+
+    path: Path
+    channels: dict[int, Channel] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    spans: list[Span] = field(default_factory=list)
+    counts: Counter[int] = field(default_factory=Counter)
+    damage: str = ''  #: what is lost, '' for a whole file
+
+    @property
+    def start_ns(self) -> int | None:
+        """Time of the first message."""
+        return min((span.start_ns for span in self.spans), default=None)
+
+    @property
+    def end_ns(self) -> int | None:
+        """Time of the last message."""
+        return max((span.end_ns for span in self.spans), default=None)
+
+
+def index_file(path: Path, *, name: str | None = None) -> FileIndex:
+    """Index of an MCAP file, whole or truncated.
+
+    `name` is what messages call the file, where `path` is a temporary copy.
+
+    Raises:
+        BagError: empty, or no MCAP file.
+    """
+    name = name or str(path)
+    with path.open('rb') as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size == 0:
+            message = f'{name}: file is empty: nothing was recorded, or the disk was full'
+            raise BagError(message)
+        magic = stream.read(len(MAGIC))
+        if magic != MAGIC:
+            message = (
+                f'{name}: not an MCAP file (it begins with {magic!r}): '
+                'give a bag in MCAP format, or convert it with `ros2 bag convert`'
+            )
+            raise BagError(message)
+        summary = _read_summary(stream, size)
+        if summary is not None:
+            return _from_summary(path, summary)
+        return _Scan(path, stream, size).run()
+
+
+def read_span(path: Path, span: Span) -> list[RawMessage]:
+    """All messages of a span in the file's order.
+
+    Raises:
+        BagError: its bytes are damaged.
+    """
+    with path.open('rb') as stream:
+        stream.seek(span.offset)
+        data = stream.read(span.length)
+    records = data if span.kind == 'loose' else _chunk_records(data, torn=span.kind == 'torn')
+    return [
+        message_at(records, start, end)
+        for opcode, start, end in split_records(records)
+        if opcode == Opcode.MESSAGE
+    ]
+
+
+def _chunk_records(data: bytes, *, torn: bool) -> bytes:
+    """Records inside a chunk record (its head included)."""
+    start = RECORD_HEAD.size
+    if len(data) < start + _CHUNK_HEAD.size:
+        return b''
+    _, _, size, crc, name_length = _CHUNK_HEAD.unpack_from(data, start)
+    start += _CHUNK_HEAD.size
+    compression = data[start : start + name_length].decode('ascii', 'replace')
+    start += name_length + 8
+    content = data[start:]
+    return salvage(content, compression) if torn else decompress(content, compression, size, crc)
+
+
+def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
+    """The summary, or None where it is missing, torn or too poor to read by."""
+    if size < 2 * len(MAGIC):
+        return None
+    stream.seek(size - len(MAGIC))
+    if stream.read() != MAGIC:
+        return None
+    try:
+        summary = SeekingReader(stream, record_size_limit=size).get_summary()
+    except (McapError, struct.error, ValueError, OSError, OverflowError):
+        return None
+    if summary is None or summary.statistics is None:
+        return None
+    statistics = summary.statistics
+    known = all(
+        channel.schema_id == 0 or channel.schema_id in summary.schemas
+        for channel in summary.channels.values()
+    )
+    complete = (
+        known
+        and len(summary.chunk_indexes) == statistics.chunk_count
+        and summary.channels.keys() >= statistics.channel_message_counts.keys()
+        and (summary.chunk_indexes or statistics.message_count == 0)
+        and all(
+            index.chunk_start_offset + index.chunk_length <= size
+            for index in summary.chunk_indexes
+        )
+    )
+    return summary if complete else None
+
+
+def _from_summary(path: Path, summary: Summary) -> FileIndex:
+    assert summary.statistics is not None
+    return FileIndex(
+        path=path,
+        channels=dict(summary.channels),
+        schemas=dict(summary.schemas),
+        spans=[_span_of(index) for index in summary.chunk_indexes],
+        counts=Counter(summary.statistics.channel_message_counts),
+    )
+
+
+def _span_of(index: ChunkIndex) -> Span:
+    return Span(
+        index.message_start_time,
+        index.message_end_time,
+        index.chunk_start_offset,
+        index.chunk_length,
+        'chunk',
+        frozenset(index.message_index_offsets) or None,
+    )
+
+
+class _Scan:
+    """A walk over the records of a file without a usable summary."""
+
+    def __init__(self, path: Path, stream: BinaryIO, size: int) -> None:
+        self.index = FileIndex(path)
+        self.stream = stream
+        self.size = size
+        self.loose: Span | None = None
+        self.chunk: Span | None = None  # whose message indexes are being read
+        self.saved = 0  # messages out of a torn chunk
+
+    def run(self) -> FileIndex:
+        position = len(MAGIC)
+        ended = False
+        while position < self.size and not ended:
+            self.stream.seek(position)
+            head = self.stream.read(RECORD_HEAD.size)
+            if len(head) < RECORD_HEAD.size:
+                break
+            opcode, length = RECORD_HEAD.unpack(head)
+            end = position + RECORD_HEAD.size + length
+            if opcode == 0 or end > self.size:
+                if opcode == Opcode.CHUNK:
+                    self._torn_chunk(position)
+                break
+            try:
+                self._record(opcode, position, end)
+            except (struct.error, BagError):
+                break
+            # After the data section comes only what the summary would have said.
+            ended = opcode in (Opcode.DATA_END, Opcode.FOOTER)
+            position = end
+        self._finish_chunk()
+        self._finish_loose()
+        if not ended:
+            lost = self.size - position
+            self.index.damage = f'it is cut off in a record, {lost} bytes before its end'
+            if lost == 0:
+                self.index.damage = 'it ends without an index'
+            elif self.saved:
+                self.index.damage += f', {self.saved} messages of which were saved'
+        return self.index
+
+    def _record(self, opcode: int, position: int, end: int) -> None:
+        if opcode != Opcode.MESSAGE_INDEX:
+            self._finish_chunk()
+        if opcode == Opcode.CHUNK:
+            start_ns, end_ns, *_ = _CHUNK_HEAD.unpack(self.stream.read(_CHUNK_HEAD.size))
+            self.chunk = Span(start_ns, end_ns, position, end - position, 'chunk')
+        elif opcode == Opcode.MESSAGE_INDEX and self.chunk is not None:
+            channel_id, entries = _MESSAGE_INDEX_HEAD.unpack(
+                self.stream.read(_MESSAGE_INDEX_HEAD.size)
+            )
+            self.chunk.channel_ids = (self.chunk.channel_ids or frozenset()) | {channel_id}
+            self.index.counts[channel_id] += entries // 16
+        elif opcode == Opcode.MESSAGE:
+            channel_id, _, log_time = _MESSAGE_TIMES.unpack(self.stream.read(_MESSAGE_TIMES.size))
+            self.index.counts[channel_id] += 1
+            self._extend_loose(position, end, log_time)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            self._declare(opcode, self.stream.read(end - position - RECORD_HEAD.size))
+
+    def _declare(self, opcode: int, content: bytes) -> None:
+        stream = ReadDataStream(io.BytesIO(content))
+        try:
+            if opcode == Opcode.SCHEMA:
+                schema = Schema.read(stream)
+                self.index.schemas.setdefault(schema.id, schema)
+            else:
+                channel = Channel.read(stream)
+                self.index.channels.setdefault(channel.id, channel)
+        except (struct.error, McapError, UnicodeDecodeError) as error:
+            message = 'a schema or channel record is damaged'
+            raise BagError(message) from error
+
+    def _extend_loose(self, position: int, end: int, log_time: int) -> None:
+        span = self.loose
+        if span is not None and (
+            span.offset + span.length != position or span.length > _LOOSE_SPAN_BYTES
+        ):
+            self._finish_loose()
+            span = None
+        if span is None:
+            self.loose = Span(log_time, log_time, position, end - position, 'loose')
+        else:
+            span.start_ns = min(span.start_ns, log_time)
+            span.end_ns = max(span.end_ns, log_time)
+            span.length = end - span.offset
+
+    def _finish_loose(self) -> None:
+        if self.loose is not None:
+            self.index.spans.append(self.loose)
+            self.loose = None
+
+    def _finish_chunk(self) -> None:
+        """Take the chunk up, opening it only where its message indexes leave something open."""
+        span, self.chunk = self.chunk, None
+        if span is None:
+            return
+        if span.channel_ids is None or span.channel_ids - self.index.channels.keys():
+            self.stream.seek(span.offset)
+            try:
+                records = _chunk_records(self.stream.read(span.length), torn=False)
+                self._look_into(records, span, count=span.channel_ids is None)
+            except BagError as error:
+                _log.warning('%s: %s; the chunk is left out', self.index.path, error)
+                return
+        self.index.spans.append(span)
+
+    def _torn_chunk(self, position: int) -> None:
+        self._finish_chunk()
+        self.stream.seek(position)
+        data = self.stream.read()
+        span = Span(0, 0, position, len(data), 'torn')
+        self.saved = self._look_into(_chunk_records(data, torn=True), span, count=True)
+        if self.saved:
+            self.index.spans.append(span)
+
+    def _look_into(self, records: bytes, span: Span, *, count: bool) -> int:
+        """Learn a chunk's channels, and if asked its times; the number of messages counted."""
+        times: list[int] = []
+        for opcode, start, end in split_records(records):
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._declare(opcode, records[start:end])
+            elif opcode == Opcode.MESSAGE and count:
+                channel_id, _, log_time = _MESSAGE_TIMES.unpack_from(records, start)
+                self.index.counts[channel_id] += 1
+                times.append(log_time)
+        if times:
+            span.start_ns, span.end_ns = min(times), max(times)
+        return len(times)

@@ -1,0 +1,219 @@
+"""The suite's messages, built and read without ROS.
+
+Built messages are of `rosbags`' classes and go to a `BagWriter`. What reads takes rclpy's messages
+as well: both have the same fields. Stamps are integer nanoseconds since the epoch.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from binopos_ros.bag.definitions import jazzy
+from binopos_ros.bag.errors import BagError
+from binopos_ros.optics.camera_info import CameraInfo, Roi
+
+COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
+IMAGE = 'sensor_msgs/msg/Image'
+CAMERA_INFO = 'sensor_msgs/msg/CameraInfo'
+POSE_WITH_COVARIANCE = 'geometry_msgs/msg/PoseWithCovarianceStamped'
+POSE = 'geometry_msgs/msg/PoseStamped'
+VECTOR3 = 'geometry_msgs/msg/Vector3Stamped'
+ODOMETRY = 'nav_msgs/msg/Odometry'
+
+_SECOND = 10**9
+
+
+def stamp_of(message: Any) -> int:
+    """Nanoseconds of a message's header stamp."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * _SECOND + int(stamp.nanosec)
+
+
+def compressed_image(stamp_ns: int, frame_id: str, data: bytes, format: str = 'jpeg') -> Any:
+    """An image in its compressed form, the camera's own bytes."""
+    return _make(
+        COMPRESSED_IMAGE,
+        header=_header(stamp_ns, frame_id),
+        format=format,
+        data=np.frombuffer(data, dtype=np.uint8),
+    )
+
+
+def image(
+    stamp_ns: int,
+    frame_id: str,
+    data: bytes | NDArray[np.uint8],
+    size: tuple[int, int],
+    encoding: str,
+    step: int,
+) -> Any:
+    """A raw image of `size` (width, height) pixels, `step` bytes per row."""
+    width, height = size
+    pixels = np.frombuffer(data, dtype=np.uint8)
+    if pixels.size < step * height:
+        message = f'image of {width}x{height}, step {step}, has only {pixels.size} bytes'
+        raise BagError(message)
+    return _make(
+        IMAGE,
+        header=_header(stamp_ns, frame_id),
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=0,
+        step=step,
+        data=pixels,
+    )
+
+
+def camera_info(stamp_ns: int, frame_id: str, info: CameraInfo) -> Any:
+    """A camera's calibration as a message; the camera's name is not part of it."""
+    return _make(
+        CAMERA_INFO,
+        header=_header(stamp_ns, frame_id),
+        height=info.height,
+        width=info.width,
+        distortion_model=info.distortion_model,
+        d=_floats(info.d),
+        k=_floats(info.k),
+        r=_floats(info.r),
+        p=_floats(info.p),
+        binning_x=info.binning[0],
+        binning_y=info.binning[1],
+        roi=_make(
+            'sensor_msgs/msg/RegionOfInterest',
+            x_offset=info.roi.x_offset,
+            y_offset=info.roi.y_offset,
+            height=info.roi.height,
+            width=info.roi.width,
+            do_rectify=info.roi.do_rectify,
+        ),
+    )
+
+
+def read_camera_info_message(message: Any, name: str) -> CameraInfo:
+    """The calibration in a CameraInfo message, of the camera of that name."""
+    return CameraInfo(
+        name=name,
+        width=int(message.width),
+        height=int(message.height),
+        distortion_model=str(message.distortion_model),
+        d=tuple(map(float, message.d)),
+        k=tuple(map(float, message.k)),
+        r=tuple(map(float, message.r)),
+        p=tuple(map(float, message.p)),
+        binning=(int(message.binning_x), int(message.binning_y)),
+        roi=Roi(
+            x_offset=int(message.roi.x_offset),
+            y_offset=int(message.roi.y_offset),
+            height=int(message.roi.height),
+            width=int(message.roi.width),
+            do_rectify=bool(message.roi.do_rectify),
+        ),
+    )
+
+
+def pose_with_covariance(
+    stamp_ns: int, frame_id: str, position: ArrayLike, covariance: ArrayLike
+) -> Any:
+    """A position (3,) with its covariance, (3, 3) or (6, 6); the orientation is the identity."""
+    return _make(
+        POSE_WITH_COVARIANCE,
+        header=_header(stamp_ns, frame_id),
+        pose=_make(
+            'geometry_msgs/msg/PoseWithCovariance',
+            pose=_pose(position),
+            covariance=_covariance(covariance),
+        ),
+    )
+
+
+def pose(stamp_ns: int, frame_id: str, position: ArrayLike) -> Any:
+    """A position (3,) in metres; the orientation is the identity."""
+    return _make(POSE, header=_header(stamp_ns, frame_id), pose=_pose(position))
+
+
+def vector3(stamp_ns: int, frame_id: str, vector: ArrayLike) -> Any:
+    """A vector (3,)."""
+    return _make(VECTOR3, header=_header(stamp_ns, frame_id), vector=_vector(vector))
+
+
+def odometry(
+    stamp_ns: int,
+    frame_id: str,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    covariance: ArrayLike,
+    child_frame_id: str = 'target',
+) -> Any:
+    """Position (3,) m and velocity (3,) m/s with the covariance (6, 6) of both, in that order."""
+    joint = np.asarray(covariance, dtype=float)
+    return _make(
+        ODOMETRY,
+        header=_header(stamp_ns, frame_id),
+        child_frame_id=child_frame_id,
+        pose=_make(
+            'geometry_msgs/msg/PoseWithCovariance',
+            pose=_pose(position),
+            covariance=_covariance(joint[:3, :3]),
+        ),
+        twist=_make(
+            'geometry_msgs/msg/TwistWithCovariance',
+            twist=_make(
+                'geometry_msgs/msg/Twist', linear=_vector(velocity), angular=_vector((0, 0, 0))
+            ),
+            covariance=_covariance(joint[3:, 3:]),
+        ),
+    )
+
+
+def position_of(message: Any) -> NDArray[np.float64]:
+    """Position (3,) of a PoseStamped, a PoseWithCovarianceStamped or an Odometry."""
+    inner = message.pose.pose if hasattr(message.pose, 'pose') else message.pose
+    return np.array([inner.position.x, inner.position.y, inner.position.z], dtype=float)
+
+
+def covariance_of(message: Any) -> NDArray[np.float64]:
+    """Covariance (6, 6) of a PoseWithCovarianceStamped's or Odometry's pose."""
+    return np.asarray(message.pose.covariance, dtype=float).reshape(6, 6)
+
+
+def _make(type_name: str, **fields: Any) -> Any:
+    return jazzy().types[type_name](**fields)
+
+
+def _header(stamp_ns: int, frame_id: str) -> Any:
+    seconds, nanoseconds = divmod(stamp_ns, _SECOND)
+    stamp = _make('builtin_interfaces/msg/Time', sec=seconds, nanosec=nanoseconds)
+    return _make('std_msgs/msg/Header', stamp=stamp, frame_id=frame_id)
+
+
+def _pose(position: ArrayLike) -> Any:
+    x, y, z = np.asarray(position, dtype=float)
+    return _make(
+        'geometry_msgs/msg/Pose',
+        position=_make('geometry_msgs/msg/Point', x=x, y=y, z=z),
+        orientation=_make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=0.0, w=1.0),
+    )
+
+
+def _vector(vector: ArrayLike) -> Any:
+    x, y, z = np.asarray(vector, dtype=float)
+    return _make('geometry_msgs/msg/Vector3', x=x, y=y, z=z)
+
+
+def _covariance(covariance: ArrayLike) -> NDArray[np.float64]:
+    """(3, 3) or (6, 6) as the 36 numbers of a message; what is not given is zero."""
+    given = np.asarray(covariance, dtype=float)
+    if given.shape not in ((3, 3), (6, 6)):
+        message = f'covariance must be 3x3 or 6x6, not {given.shape}'
+        raise BagError(message)
+    full = np.zeros((6, 6))
+    full[: len(given), : len(given)] = given
+    return full.ravel()
+
+
+def _floats(values: ArrayLike) -> NDArray[np.float64]:
+    return np.asarray(values, dtype=np.float64)
