@@ -1,0 +1,389 @@
+"""Robust bundle adjustment of a rig and the boards it has seen (Levenberg-Marquardt).
+
+Unknown are some of the rig's parameters and one pose per view. The poses meet only the rig, not
+each other, so each step eliminates them (Schur complement) and solves for the rig alone; what is
+left is also the inverse of the rig's covariance.
+
+Outliers: Huber's weights until convergence, then points farther than `REJECT` standard
+deviations are left out and the rest counts in full, so that the covariance is that of least
+squares (B. Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from binopos_ros.calibration.errors import CalibrationError
+from binopos_ros.calibration.projection import Pose, project
+from binopos_ros.calibration.state import RigState, cross_matrices, exponential
+
+HUBER = 2.5  # standard deviations of the 2-D residual; 4 % of clean points lie beyond
+REJECT = 4.5  # one clean point in 25000 lies beyond
+STEPS = 60
+CONVERGED = 1e-9  # relative decrease of the cost
+LEAST_SIGMA = 1e-4  # px; below it the data are synthetic and exact
+
+
+@dataclass(frozen=True)
+class View:
+    """One board (or rigid target) as both cameras see it.
+
+    Attributes:
+        name: what the user calls it (the file's or message's name).
+        points: (N, 3) in the board frame (m).
+        pixels: per camera (N, 2), nan where that camera does not see the point.
+    """
+
+    name: str
+    points: np.ndarray
+    pixels: tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of the rig beforehand: information (P, P) about `state`'s parameters."""
+
+    state: RigState
+    information: np.ndarray
+
+    def cost(self, state: RigState) -> float:
+        """Twice the negative logarithm of the prior's density."""
+        change = state.minus(self.state)
+        return float(change @ self.information @ change)
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """The outcome.
+
+    Attributes:
+        state: the rig.
+        poses: of the boards, rig frame.
+        covariance: (P, P) of all the rig's parameters, zero where held fixed.
+        free: (P,) which parameters were estimated.
+        sigma: standard deviation of a pixel coordinate (px).
+        residuals: per view and camera (N, 2), measured minus computed (px), nan where not seen.
+        inliers: per view and camera (N,).
+    """
+
+    state: RigState
+    poses: tuple[Pose, ...]
+    covariance: np.ndarray
+    free: np.ndarray
+    sigma: float
+    residuals: tuple[tuple[np.ndarray, ...], ...]
+    inliers: tuple[tuple[np.ndarray, ...], ...]
+
+    def deviation(self, name: str) -> float:
+        """The standard deviation of one parameter."""
+        place = self.state.names.index(name)
+        return float(np.sqrt(self.covariance[place, place]))
+
+    def rms(self, view: int | None = None, side: int | None = None) -> float:
+        """Root mean square of the residual's length over all points seen (px), outliers too."""
+        views = range(len(self.residuals)) if view is None else [view]
+        sides = range(len(self.state.cameras)) if side is None else [side]
+        squares = [np.sum(self.residuals[v][s] ** 2, axis=1) for v in views for s in sides]
+        return float(np.sqrt(np.nanmean(np.concatenate(squares))))
+
+
+@dataclass
+class _Normal:
+    """The normal equations: rig block, pose blocks, and what couples them."""
+
+    rig: np.ndarray
+    rig_right: np.ndarray
+    pose: np.ndarray
+    pose_right: np.ndarray
+    coupling: np.ndarray
+    cost: float = 0.0
+    residuals: list[list[np.ndarray]] = field(default_factory=list)
+
+
+Weigh = Callable[[int, int, np.ndarray], np.ndarray]
+
+
+def adjust(
+    start: RigState,
+    poses: Sequence[Pose],
+    views: Sequence[View],
+    free: np.ndarray,
+    prior: Prior | None = None,
+    robust: bool = True,
+    sigma: float | None = None,
+) -> Adjustment:
+    """Estimate the free parameters of the rig and all poses.
+
+    Args:
+        start: first guess; also the values of the parameters that are not free.
+        poses: first guess, one per view.
+        views: what was seen.
+        free: (P,) bool in the order of `start.names`.
+        prior: information on the parameters (absolute, in their own units).
+        robust: reject outlying points.
+        sigma: standard deviation of a pixel coordinate (px) where known; else estimated.
+
+    Raises:
+        CalibrationError: nothing to fit, or the points do not determine the parameters.
+    """
+    if not views:
+        raise CalibrationError('no view of a board to calibrate from')
+    batch = _Batch(views, len(start.cameras))
+    scale = sigma if sigma is not None else 1.0
+    state, current = start, list(poses)
+    weights = np.ones(batch.count)
+    rounds = 4 if robust else 1
+    for _ in range(rounds):
+        state, current, residual = _descend(batch, state, current, free, prior, weights, scale)
+        if sigma is None:
+            scale = max(_robust_sigma(residual), LEAST_SIGMA)
+        if not robust:
+            break
+        length = np.sqrt(np.sum(residual**2, axis=1)) / scale
+        before, weights = weights, np.minimum(1.0, HUBER / np.maximum(length, 1e-12))
+        if np.abs(weights - before).max() < 0.02:
+            break
+    inlier = np.ones(batch.count, bool)
+    if robust:
+        for _ in range(2):
+            inlier = np.sum(residual**2, axis=1) <= (REJECT * scale) ** 2
+            state, current, residual = _descend(
+                batch, state, current, free, prior, inlier.astype(float), scale
+            )
+    if sigma is None:
+        scale = max(_least_squares_sigma(residual, inlier, free, current), LEAST_SIGMA)
+        if prior is not None and prior.information.any():
+            # The prior's weight against the pictures' depends on the scale.
+            state, current, residual = _descend(
+                batch, state, current, free, prior, inlier.astype(float), scale
+            )
+    normal = batch.normal(state, current, free, inlier.astype(float), scale, prior)
+    covariance = np.zeros((len(free), len(free)))
+    covariance[np.ix_(free, free)] = _inverse(_reduced(normal)[0], state, free)
+    return Adjustment(
+        state,
+        tuple(current),
+        covariance,
+        np.asarray(free, bool),
+        scale,
+        batch.split(residual),
+        batch.split(inlier, fill=False),
+    )
+
+
+class _Batch:
+    """All observations in rows, so that each camera is projected in one call."""
+
+    def __init__(self, views: Sequence[View], cameras: int) -> None:
+        self.views = views
+        self.cameras = cameras
+        self.points: list[np.ndarray] = []
+        self.pixels: list[np.ndarray] = []
+        self.owner: list[np.ndarray] = []
+        self.rows: list[np.ndarray] = []
+        for side in range(cameras):
+            seen = [np.isfinite(view.pixels[side]).all(axis=1) for view in views]
+            self.points.append(
+                np.concatenate([v.points[s] for v, s in zip(views, seen, strict=True)])
+            )
+            self.pixels.append(
+                np.concatenate([v.pixels[side][s] for v, s in zip(views, seen, strict=True)])
+            )
+            self.owner.append(np.repeat(np.arange(len(views)), [int(s.sum()) for s in seen]))
+            self.rows.append(np.concatenate([np.flatnonzero(s) for s in seen]))
+        self.count = sum(len(rows) for rows in self.rows)
+
+    def normal(
+        self,
+        state: RigState,
+        poses: Sequence[Pose],
+        free: np.ndarray,
+        weights: np.ndarray,
+        sigma: float,
+        prior: Prior | None,
+    ) -> _Normal:
+        """The normal equations at `state`; .residuals holds (count, 2)."""
+        n, m = int(free.sum()), len(poses)
+        normal = _Normal(
+            np.zeros((n, n)),
+            np.zeros(n),
+            np.zeros((m, 6, 6)),
+            np.zeros((m, 6)),
+            np.zeros((m, 6, n)),
+        )
+        rotations = np.array([pose.rotation for pose in poses])
+        translations = np.array([pose.translation for pose in poses])
+        first = 0
+        residuals = []
+        for side in range(self.cameras):
+            owner = self.owner[side]
+            turned = np.einsum('nij,nj->ni', rotations[owner], self.points[side])
+            seen = project(state, side, turned + translations[owner])
+            residual = self.pixels[side] - seen.pixels
+            residuals.append(residual)
+            weight = weights[first : first + len(owner)] / sigma**2
+            first += len(owner)
+            by_pose = np.concatenate([seen.by_point @ -cross_matrices(turned), seen.by_point], 2)
+            by_rig = seen.by_rig[:, :, free]
+            weighted = by_rig * weight[:, None, None]
+            flat = by_rig.reshape(-1, n)
+            normal.rig += flat.T @ weighted.reshape(-1, n)
+            normal.rig_right += weighted.reshape(-1, n).T @ residual.ravel()
+            normal.cost += float(np.sum(weight * np.sum(residual**2, axis=1)))
+            for view in range(m):
+                span = slice(*np.searchsorted(owner, [view, view + 1]))
+                own = by_pose[span].reshape(-1, 6)
+                own_weighted = (by_pose[span] * weight[span, None, None]).reshape(-1, 6)
+                normal.pose[view] += own.T @ own_weighted
+                normal.pose_right[view] += own_weighted.T @ residual[span].ravel()
+                normal.coupling[view] += own_weighted.T @ by_rig[span].reshape(-1, n)
+        if prior is not None:
+            change = state.minus(prior.state)
+            normal.rig += prior.information[np.ix_(free, free)]
+            normal.rig_right -= (prior.information @ change)[free]
+            normal.cost += prior.cost(state)
+        normal.residuals = [residuals]
+        if not np.isfinite(normal.cost):
+            normal.cost = np.inf
+        return normal
+
+    def cost(
+        self,
+        state: RigState,
+        poses: Sequence[Pose],
+        weights: np.ndarray,
+        sigma: float,
+        prior: Prior | None,
+    ) -> tuple[float, np.ndarray]:
+        """The cost and the residuals (count, 2)."""
+        residuals = []
+        for side in range(self.cameras):
+            owner = self.owner[side]
+            points = np.concatenate(
+                [
+                    pose.apply(self.points[side][slice(*np.searchsorted(owner, [i, i + 1]))])
+                    for i, pose in enumerate(poses)
+                ]
+            )
+            residuals.append(self.pixels[side] - project(state, side, points).pixels)
+        residual = np.concatenate(residuals)
+        cost = float(weights @ np.sum(residual**2, axis=1)) / sigma**2
+        cost += prior.cost(state) if prior is not None else 0.0
+        return (cost if np.isfinite(cost) else np.inf), residual
+
+    def split(
+        self, values: np.ndarray, fill: float = np.nan
+    ) -> tuple[tuple[np.ndarray, ...], ...]:
+        """Rows back to views and cameras."""
+        parts: list[list[np.ndarray]] = [[] for _ in self.views]
+        first = 0
+        for side in range(self.cameras):
+            for view, one in enumerate(self.views):
+                span = slice(*np.searchsorted(self.owner[side], [view, view + 1]))
+                shape = (len(one.points), *values.shape[1:])
+                whole = np.full(shape, fill, values.dtype)
+                whole[self.rows[side][span]] = values[first : first + len(self.owner[side])][span]
+                parts[view].append(whole)
+            first += len(self.owner[side])
+        return tuple(tuple(part) for part in parts)
+
+
+def _descend(
+    batch: _Batch,
+    state: RigState,
+    poses: Sequence[Pose],
+    free: np.ndarray,
+    prior: Prior | None,
+    weights: np.ndarray,
+    sigma: float,
+) -> tuple[RigState, list[Pose], np.ndarray]:
+    damping = 1e-4
+    current = list(poses)
+    normal = batch.normal(state, current, free, weights, sigma, prior)
+    if not np.isfinite(normal.cost):
+        raise CalibrationError(
+            'the first guess sees no board: a view lies behind the camera or before the '
+            'interface; check the board size and the distance given for the interface'
+        )
+    residual = np.concatenate(normal.residuals[0])
+    for _ in range(STEPS):
+        reduced, right, gain = _reduced(normal, damping)
+        step = np.linalg.lstsq(reduced, right, rcond=None)[0] if len(right) else right
+        change = np.zeros(len(free))
+        change[free] = step
+        pose_step = np.einsum(
+            'mij,mj->mi', gain, normal.pose_right - np.einsum('mij,j->mi', normal.coupling, step)
+        )
+        try:
+            trial = state.plus(change)
+        except ValueError:
+            damping *= 10.0  # outside what an interface or a lens can be
+            if damping > 1e12:
+                break
+            continue
+        trial_poses = [
+            Pose(exponential(d[:3]) @ pose.rotation, pose.translation + d[3:])
+            for pose, d in zip(current, pose_step, strict=True)
+        ]
+        cost, trial_residual = batch.cost(trial, trial_poses, weights, sigma, prior)
+        if cost < normal.cost:
+            decrease = (normal.cost - cost) / max(normal.cost, 1e-300)
+            state, current, residual = trial, trial_poses, trial_residual
+            if decrease < CONVERGED or cost < 1e-12 * batch.count:
+                break
+            normal = batch.normal(state, current, free, weights, sigma, prior)
+            damping = max(damping * 0.1, 1e-12)
+        else:
+            damping *= 10.0
+            if damping > 1e12:
+                break
+    return state, current, residual
+
+
+def _reduced(normal: _Normal, damping: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The rig's equations with the poses eliminated, and the poses' inverses."""
+    pose = normal.pose.copy()
+    diagonal = np.einsum('mii->mi', pose)
+    pose[:, range(6), range(6)] += damping * diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True)
+    gain = np.linalg.inv(pose)
+    carried = np.einsum('mij,mjk->mik', gain, normal.coupling)
+    rig = normal.rig + damping * np.diag(np.diag(normal.rig))
+    reduced = rig - np.einsum('mji,mjk->ik', normal.coupling, carried)
+    right = normal.rig_right - np.einsum('mij,mi->j', carried, normal.pose_right)
+    return reduced, right, gain
+
+
+def _inverse(information: np.ndarray, state: RigState, free: np.ndarray) -> np.ndarray:
+    """The covariance; parameters that nothing determines make it fail with their names."""
+    if not len(information):
+        return information
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    if values[0] < 1e-13:
+        worst = np.abs(vectors[:, 0])
+        names = np.array(state.names)[free][worst > 0.3 * worst.max()]
+        raise CalibrationError(
+            f'these views do not determine {", ".join(names)}: add views with other tilts and '
+            'distances, or give what is known as a prior'
+        )
+    inverse = (vectors / values) @ vectors.T
+    return inverse * np.outer(scale, scale)
+
+
+def _robust_sigma(residual: np.ndarray) -> float:
+    """From the median length of a 2-D Gaussian residual (Rayleigh)."""
+    return float(np.median(np.sqrt(np.sum(residual**2, axis=1)))) / np.sqrt(2.0 * np.log(2.0))
+
+
+def _least_squares_sigma(
+    residual: np.ndarray, inlier: np.ndarray, free: np.ndarray, poses: Sequence[Pose]
+) -> float:
+    surplus = 2 * int(inlier.sum()) - int(free.sum()) - 6 * len(poses)
+    if surplus <= 0:
+        raise CalibrationError(
+            'fewer measurements than unknowns: more views, or boards with more points, are needed'
+        )
+    return float(np.sqrt(np.sum(residual[inlier] ** 2) / surplus))

@@ -1,0 +1,185 @@
+"""The parameters of a rig as the adjustment sees them: values, names, small changes.
+
+Rotations change by a left factor exp(d), d in radians; a normal changes along two directions
+perpendicular to it (`normal_basis`); everything else adds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+
+from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+
+LEFT, RIGHT = 0, 1
+SIDES = ('left', 'right')
+LENS_TERMS = ('k1', 'k2', 'p1', 'p2', 'k3', 'k4', 'k5', 'k6', 's1', 's2', 's3', 's4', 'tx', 'ty')
+SHARED, LEFT_PORT, RIGHT_PORT = 'interface', 'left_port', 'right_port'
+
+
+@dataclass(frozen=True)
+class Camera:
+    """focal: (fx, fy) px; centre: (cx, cy) px; lens: OpenCV's distortion terms."""
+
+    focal: np.ndarray
+    centre: np.ndarray
+    lens: np.ndarray
+    size: tuple[int, int]
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """(3, 3) K."""
+        (fx, fy), (cx, cy) = self.focal, self.centre
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    @classmethod
+    def of(cls, camera: PinholeCamera) -> Camera:
+        """The parameters of a camera without skew."""
+        matrix = np.asarray(camera.matrix)
+        return cls(
+            matrix[[0, 1], [0, 1]].copy(),
+            matrix[:2, 2].copy(),
+            np.array(camera.distortion, float).ravel(),
+            (int(camera.size[0]), int(camera.size[1])),
+        )
+
+    def pinhole(self) -> PinholeCamera:
+        """The camera for the other rooms."""
+        return PinholeCamera(self.matrix, self.lens, self.size)
+
+
+@dataclass(frozen=True)
+class RigState:
+    """One or two cameras, the pose of the second, and the interfaces they look through.
+
+    Attributes:
+        cameras: the left, and where there are two the right.
+        rotation, translation: right_from_left, x_right = rotation @ x_left + translation (m).
+        interfaces: by place, 'interface' (shared, rig frame), 'left_port', 'right_port' (each in
+            its own camera's frame).
+    """
+
+    cameras: tuple[Camera, ...]
+    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+    translation: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    interfaces: dict[str, FlatInterface] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, rig: StereoRig) -> RigState:
+        """The parameters of a rig."""
+        places = {SHARED: rig.interface, LEFT_PORT: rig.left_port, RIGHT_PORT: rig.right_port}
+        return cls(
+            (Camera.of(rig.left), Camera.of(rig.right)),
+            np.array(rig.rotation, float),
+            np.array(rig.translation, float).ravel(),
+            {place: interface for place, interface in places.items() if interface is not None},
+        )
+
+    def rig(self) -> StereoRig:
+        """The rig for the other rooms."""
+        left, right = self.cameras
+        return StereoRig(
+            left.pinhole(), right.pinhole(), self.rotation, self.translation, **self.interfaces
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all parameters, in the order of `plus` and `minus`."""
+        names: list[str] = []
+        for side, camera in zip(SIDES, self.cameras, strict=False):
+            terms = ('fx', 'fy', 'cx', 'cy', *LENS_TERMS[: len(camera.lens)])
+            names += [f'{side}.{term}' for term in terms]
+        if len(self.cameras) == 2:
+            names += [f'rotation.{axis}' for axis in 'xyz']
+            names += [f'translation.{axis}' for axis in 'xyz']
+        for place, interface in self.interfaces.items():
+            names += [f'{place}.normal.{axis}' for axis in 'ab']
+            names += [f'{place}.distance']
+            names += [f'{place}.indices.{i}' for i in range(1, len(interface.indices))]
+            names += [f'{place}.thicknesses.{i}' for i in range(len(interface.thicknesses))]
+        return tuple(names)
+
+    def plus(self, change: np.ndarray) -> RigState:
+        """The state after a small change of all parameters."""
+        rest = list(np.asarray(change, float))
+
+        def take(count: int) -> np.ndarray:
+            taken, rest[:count] = rest[:count], []
+            return np.array(taken)
+
+        cameras = tuple(
+            replace(
+                camera,
+                focal=camera.focal + take(2),
+                centre=camera.centre + take(2),
+                lens=camera.lens + take(len(camera.lens)),
+            )
+            for camera in self.cameras
+        )
+        rotation, translation = self.rotation, self.translation
+        if len(cameras) == 2:
+            rotation = exponential(take(3)) @ rotation
+            translation = translation + take(3)
+        interfaces = {}
+        for place, old in self.interfaces.items():
+            normal = np.asarray(old.normal) + normal_basis(np.asarray(old.normal)) @ take(2)
+            distance = old.distance + float(take(1)[0])
+            indices = (old.indices[0], *(np.array(old.indices[1:]) + take(len(old.indices) - 1)))
+            thicknesses = np.array(old.thicknesses) + take(len(old.thicknesses))
+            interfaces[place] = FlatInterface(
+                normal / np.linalg.norm(normal), distance, indices, tuple(thicknesses)
+            )
+        return RigState(cameras, rotation, translation, interfaces)
+
+    def minus(self, other: RigState) -> np.ndarray:
+        """The small change that leads from `other` here."""
+        parts: list[np.ndarray] = []
+        for camera, old in zip(self.cameras, other.cameras, strict=True):
+            parts += [camera.focal - old.focal, camera.centre - old.centre, camera.lens - old.lens]
+        if len(self.cameras) == 2:
+            parts += [logarithm(self.rotation @ other.rotation.T)]
+            parts += [self.translation - other.translation]
+        for place, interface in self.interfaces.items():
+            before = other.interfaces[place]
+            basis = normal_basis(np.asarray(before.normal))
+            along = float(np.dot(interface.normal, before.normal))
+            parts += [basis.T @ np.asarray(interface.normal) / max(along, 1e-6)]
+            parts += [np.array([interface.distance - before.distance])]
+            parts += [np.array(interface.indices[1:]) - np.array(before.indices[1:])]
+            parts += [np.array(interface.thicknesses) - np.array(before.thicknesses)]
+        return np.concatenate(parts)
+
+
+def normal_basis(normal: np.ndarray) -> np.ndarray:
+    """(3, 2) two unit directions perpendicular to the normal: x and y as nearly as can be."""
+    axis = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 0.0, -1.0])
+    first = axis - (axis @ normal) * normal
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(normal, first)])
+
+
+def exponential(vector: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) rad to rotation matrix."""
+    return np.asarray(cv2.Rodrigues(np.asarray(vector, float))[0], float)
+
+
+def logarithm(rotation: np.ndarray) -> np.ndarray:
+    """Rotation matrix to rotation vector (3,) rad."""
+    return np.asarray(cv2.Rodrigues(np.asarray(rotation, float))[0], float).ravel()
+
+
+def cross_matrices(vectors: np.ndarray) -> np.ndarray:
+    """(..., 3) v to (..., 3, 3) with [v] w = v x w."""
+    x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
+    zero = np.zeros_like(x)
+    rows = [zero, -z, y, z, zero, -x, -y, x, zero]
+    return np.stack(rows, axis=-1).reshape(*x.shape, 3, 3)
+
+
+def places_seen_through(state: RigState, side: int) -> Sequence[str]:
+    """The interfaces in front of a camera."""
+    own = LEFT_PORT if side == LEFT else RIGHT_PORT
+    return [place for place in state.interfaces if place in (SHARED, own)]
