@@ -180,6 +180,17 @@ def covariance_of(message: Any) -> NDArray[np.float64]:
     return np.asarray(message.pose.covariance, dtype=float).reshape(6, 6)
 
 
+def pose_covariance(covariance: ArrayLike) -> NDArray[np.float64]:
+    """Covariance (6, 6) of a pose from the (k, k) one of its first k coordinates.
+
+    Nothing is known of the angles: their variance is that of a uniform turn, pi^2 / 3 rad^2.
+    """
+    known = np.asarray(covariance, dtype=float)
+    full = np.diag([0.0, 0.0, 0.0, *[np.pi**2 / 3] * 3])
+    full[: len(known), : len(known)] = known
+    return full
+
+
 def _make(type_name: str, **fields: Any) -> Any:
     return jazzy().types[type_name](**fields)
 

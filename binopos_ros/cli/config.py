@@ -13,6 +13,7 @@ import yaml
 from binopos_ros.parameters import ParameterError
 
 NAMESPACE = '/stereo'
+STAGES = ('detector', 'triangulator', 'smoother')
 BAG_CONFIG = 'binopos.yaml'
 
 
@@ -66,6 +67,10 @@ class Parameters:
             else:
                 msg = f'--ros-args {word}: only -p NODE:NAME:=VALUE and --params-file work offline'
                 raise ParameterError(msg)
+
+    def by_node(self) -> dict[str, dict[str, Any]]:
+        """Parameter values of the stages' nodes, by node."""
+        return {name: self.of_node(name) for name in STAGES}
 
     def of_node(self, name: str) -> dict[str, Any]:
         """Parameter values of a node in the namespace /stereo; later blocks win."""

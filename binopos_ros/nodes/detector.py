@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from functools import partial
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from sensor_msgs.msg import CompressedImage, Image
-from std_msgs.msg import Header
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from binopos_ros.detection import Detector, DetectorOptions, JpegImage, RawImage
+from binopos_ros.bag.messages import read_camera_info_message, stamp_of
+from binopos_ros.detection import DetectorOptions, JpegImage, RawImage
+from binopos_ros.detection.stage import CameraStage, try_decode
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode, run
@@ -24,9 +25,8 @@ class DetectorNode(StageNode):
         super().__init__('detector')
         options = self.declare_options(DetectorOptions, self._configure)
         self.refuse_unknown_parameters()
-        self._configure(options)
+        self._stages = {side: CameraStage(options) for side in SIDES}
         self._diagnostics = StageDiagnostics(self, 'stereo cameras')
-        self._last_stamp: dict[str, int | None] = dict.fromkeys(SIDES)
         self._centroids = {
             side: self.publisher(PoseWithCovarianceStamped, f'{side}/centroid') for side in SIDES
         }
@@ -35,27 +35,37 @@ class DetectorNode(StageNode):
                 CompressedImage, f'{side}/image_raw/compressed', partial(self._on_jpeg, side)
             )
             self.subscription(Image, f'{side}/image_raw', partial(self._on_raw, side))
+            self.subscription(
+                CameraInfo, f'{side}/camera_info', partial(self._on_camera_info, side)
+            )
 
     def _configure(self, options: DetectorOptions) -> None:
-        self._detectors = {side: Detector.from_options(options) for side in SIDES}
+        for stage in self._stages.values():
+            stage.configure(options)
+
+    def _on_camera_info(self, side: str, message: CameraInfo) -> None:
+        try:
+            self._stages[side].set_camera(read_camera_info_message(message, side))
+        except ValueError as error:
+            self._diagnostics.error = f'{side}/camera_info cannot be used: {error}'
+        else:
+            self._diagnostics.error = ''
 
     def _on_jpeg(self, side: str, message: CompressedImage) -> None:
-        self._detect(side, message.header, JpegImage(message.data))
+        self._detect(side, message, JpegImage(message.data))
 
     def _on_raw(self, side: str, message: Image) -> None:
         image = RawImage(
             message.data, message.width, message.height, message.step, message.encoding
         )
-        self._detect(side, message.header, image)
+        self._detect(side, message, image)
 
-    def _detect(self, side: str, header: Header, image: JpegImage | RawImage) -> None:
+    def _detect(
+        self, side: str, message: CompressedImage | Image, image: JpegImage | RawImage
+    ) -> None:
         self._diagnostics.received[f'{side}/image_raw'] += 1
-        stamp = messages.nanoseconds(header.stamp)
-        if stamp == self._last_stamp[side]:
-            self._diagnostics.drop(f'{side}: the stamp was repeated')
-            return
-        self._last_stamp[side] = stamp
-        detection = self._detectors[side].detect(image)
+        stamp = stamp_of(message)
+        detection = self._stages[side].detect(stamp, try_decode(image))
         if detection.target is None:
             self._diagnostics.drop(f'{side}: {detection.reason}')
             return
@@ -63,7 +73,7 @@ class DetectorNode(StageNode):
         u, v = target.centre
         self._centroids[side].publish(
             messages.pose_message(
-                stamp, header.frame_id, (u, v, target.diameter), target.covariance
+                stamp, message.header.frame_id, (u, v, target.diameter), target.covariance
             )
         )
         self._diagnostics.published += 1

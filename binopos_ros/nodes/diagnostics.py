@@ -10,6 +10,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from binopos_ros.reasons import kind_of
+
 PERIOD = 1.0
 WINDOW = 10
 
@@ -31,6 +33,7 @@ class StageDiagnostics:
         self.published = 0
         self.dropped: Counter[str] = Counter()
         self.error = ''
+        self._last_drop = ''
         self._node = node
         self._name = f'{node.get_fully_qualified_name().lstrip("/")}: stage'
         self._hardware_id = hardware_id
@@ -46,8 +49,9 @@ class StageDiagnostics:
         self._remember()
 
     def drop(self, reason: str, count: int = 1) -> None:
-        """Count something that this stage could not use."""
-        self.dropped[reason] += count
+        """Count something that this stage could not use; figures in the reason do not part it."""
+        self.dropped[kind_of(reason)] += count
+        self._last_drop = reason
 
     def publish(self) -> None:
         """Publish the counts as they stand."""
@@ -60,6 +64,7 @@ class StageDiagnostics:
             'Published': self.published,
             'Dropped': self.dropped.total(),
             **{f'Dropped: {reason}': count for reason, count in sorted(self.dropped.items())},
+            **({'Last drop': self._last_drop} if self._last_drop else {}),
             'Input frequency (Hz)': f'{(now[1] - oldest[1]) / seconds:.3f}',
             'Actual frequency (Hz)': f'{(now[2] - oldest[2]) / seconds:.3f}',
             **(self._details() if self._details else {}),
@@ -79,8 +84,7 @@ class StageDiagnostics:
         if now[1] == previous[1]:
             return DiagnosticStatus.STALE, 'no input'
         if now[3] > previous[3]:
-            reason, _ = self.dropped.most_common(1)[0]
-            return DiagnosticStatus.WARN, f'{now[3] - previous[3]} dropped, mostly: {reason}'
+            return DiagnosticStatus.WARN, f'{now[3] - previous[3]} dropped: {self._last_drop}'
         return DiagnosticStatus.OK, 'running'
 
     def _remember(self) -> None:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from binopos_ros.bag.messages import covariance_of, pose_covariance, position_of, stamp_of
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.markers import target_markers
@@ -50,7 +49,7 @@ class SmootherNode(StageNode):
         self._build()
 
     def _build(self) -> None:
-        self._smoother = Smoother(self._options, dataclasses.asdict(self._filter_options))
+        self._smoother = Smoother(self._options, self._filter_options)
         if self._timer is not None:
             self.destroy_timer(self._timer)
             self._timer = None
@@ -59,12 +58,11 @@ class SmootherNode(StageNode):
 
     def _on_position(self, message: PoseWithCovarianceStamped) -> None:
         self._diagnostics.received['target/position'] += 1
-        point = message.pose.pose.position
         self._frame_id = message.header.frame_id
         pose, reason = self._smoother.add(
-            messages.nanoseconds(message.header.stamp),
-            np.array([point.x, point.y, point.z]),
-            message.pose.covariance.reshape(6, 6)[:3, :3],
+            stamp_of(message),
+            position_of(message),
+            covariance_of(message)[:3, :3],
         )
         if reason:
             self._diagnostics.drop(reason)
@@ -86,7 +84,7 @@ class SmootherNode(StageNode):
         odometry = Odometry(header=message.header, child_frame_id='target', pose=message.pose)
         linear = odometry.twist.twist.linear
         linear.x, linear.y, linear.z = (float(value) for value in state.velocity)
-        odometry.twist.covariance = messages.pose_covariance(state.covariance[3:, 3:])
+        odometry.twist.covariance = pose_covariance(state.covariance[3:, 3:]).ravel()
         self._odometry.publish(odometry)
         if self._markers.get_subscription_count() > 0:
             self._markers.publish(target_markers(message))

@@ -9,6 +9,7 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from sensor_msgs.msg import CameraInfo
 
+from binopos_ros.bag.messages import covariance_of, position_of, read_camera_info_message, stamp_of
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode, run
@@ -41,7 +42,7 @@ class TriangulatorNode(StageNode):
 
     def _on_camera_info(self, side: str, message: CameraInfo) -> None:
         try:
-            self._triangulator.set_camera(side, messages.camera_info(message, side))
+            self._triangulator.set_camera(side, read_camera_info_message(message, side))
         except ValueError as error:
             self._refuse(f'{side}/camera_info cannot be used: {error}')
         else:
@@ -54,13 +55,13 @@ class TriangulatorNode(StageNode):
 
     def _on_centroid(self, side: str, message: PoseWithCovarianceStamped) -> None:
         self._diagnostics.received[f'{side}/centroid'] += 1
-        point = message.pose.pose.position
+        u, v, diameter = position_of(message)
         centroid = Centroid(
-            stamp=messages.nanoseconds(message.header.stamp),
+            stamp=stamp_of(message),
             frame_id=message.header.frame_id,
-            centre=np.array([point.x, point.y]),
-            covariance=message.pose.covariance.reshape(6, 6)[:2, :2],
-            diameter=point.z,
+            centre=np.array([u, v]),
+            covariance=covariance_of(message)[:2, :2],
+            diameter=diameter,
         )
         self._hand_on(self._triangulator.add(side, centroid))
 

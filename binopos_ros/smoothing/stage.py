@@ -5,9 +5,8 @@ It is the same object in the live node and in `binopos process`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,11 +63,9 @@ class Pose:
 class Smoother:
     """A filter with the rules about what is published."""
 
-    def __init__(
-        self, options: SmootherOptions, filter_options: Mapping[str, Any] | None = None
-    ) -> None:
+    def __init__(self, options: SmootherOptions, filter_options: Options) -> None:
         self.options = options
-        self._filter = make_filter(options.method, **(filter_options or {}))
+        self._filter = make_filter(options.method, **dataclasses.asdict(filter_options))
         self._last_used: int | None = None
 
     def reset(self) -> None:

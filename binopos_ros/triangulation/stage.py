@@ -65,9 +65,10 @@ class Triangulator:
         self._infos: dict[str, CameraInfo] = {}
         self._rig: StereoRig | None = None
         self._early: deque[Pair[Centroid]] = deque()
-        self._matcher: PairMatcher[Centroid] = PairMatcher()
+        self._matcher = _matcher(options)
+        self._options = options
+        self._interfaces = options.interfaces()
         self.pairs = 0
-        self.configure(options)
 
     def configure(self, options: TriangulatorOptions) -> None:
         """Take new options; pairs that wait for a partner are kept unless the tolerance changes.
@@ -75,10 +76,9 @@ class Triangulator:
         Raises:
             TriangulationError, OpticsError: the options do not make a rig.
         """
-        tolerance = options.pair_tolerance
-        if not hasattr(self, '_options') or tolerance != self._options.pair_tolerance:
-            self._matcher = PairMatcher(None if tolerance is None else round(tolerance * 1e9))
         self._interfaces = options.interfaces()
+        if options.pair_tolerance != self._options.pair_tolerance:
+            self._matcher = _matcher(options)
         self._options = options
         self._build_rig()
 
@@ -157,6 +157,11 @@ class Triangulator:
             index_std=0.0,
             index_observed=False,
         )
+
+
+def _matcher(options: TriangulatorOptions) -> PairMatcher[Centroid]:
+    tolerance = options.pair_tolerance
+    return PairMatcher(None if tolerance is None else round(tolerance * 1e9))
 
 
 def _target_index(rig: StereoRig) -> float:

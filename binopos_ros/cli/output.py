@@ -1,0 +1,105 @@
+"""What `binopos process` writes: a bag with the topics of the live nodes, and a table."""
+
+from __future__ import annotations
+
+import csv
+from typing import Any, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from binopos_ros.bag import BagWriter, messages
+from binopos_ros.pipeline import Event, Located, Seen
+from binopos_ros.triangulation.stage import Position
+
+CSV_COLUMNS = (
+    'stamp',
+    *('x', 'y', 'z'),
+    *('sx', 'sy', 'sz'),
+    *('raw_x', 'raw_y', 'raw_z'),
+    *('index', 'index_std'),
+)
+TOPICS = {
+    'left/centroid': messages.POSE_WITH_COVARIANCE,
+    'right/centroid': messages.POSE_WITH_COVARIANCE,
+    'target/position': messages.POSE_WITH_COVARIANCE,
+    'target/refractive_index': messages.VECTOR3,
+    'target/pose': messages.POSE_WITH_COVARIANCE,
+    'target/odometry': messages.ODOMETRY,
+}
+
+
+class Output:
+    """Writes events as the messages that the live nodes would have sent."""
+
+    def __init__(self, writer: BagWriter, namespace: str) -> None:
+        self._writer = writer
+        self._namespace = namespace
+        for topic, message_type in TOPICS.items():
+            writer.add_topic(f'{namespace}/{topic}', message_type)
+
+    def write(self, event: Event) -> None:
+        """Write one event; drops leave no message."""
+        if isinstance(event, Seen):
+            centroid = event.centroid
+            place = (*centroid.centre, centroid.diameter)
+            covariance = messages.pose_covariance(centroid.covariance)
+            self._pose(f'{event.side}/centroid', centroid, place, covariance)
+        elif isinstance(event, Located):
+            self._located(event)
+
+    def _located(self, event: Located) -> None:
+        position = event.position
+        covariance = messages.pose_covariance(position.covariance)
+        self._pose('target/position', position, position.point, covariance)
+        index = (position.index, position.index_std, float(position.index_observed))
+        vector = messages.vector3(position.stamp, position.frame_id, index)
+        self._write('target/refractive_index', position.stamp, vector)
+        if event.pose is None:
+            return
+        state = event.pose.state
+        covariance = messages.pose_covariance(state.covariance[:3, :3])
+        self._pose('target/pose', position, state.position, covariance)
+        odometry = messages.odometry(
+            position.stamp, position.frame_id, state.position, state.velocity, state.covariance
+        )
+        self._write('target/odometry', position.stamp, odometry)
+
+    def _pose(self, topic: str, source: Any, place: Any, covariance: NDArray[np.float64]) -> None:
+        message = messages.pose_with_covariance(source.stamp, source.frame_id, place, covariance)
+        self._write(topic, source.stamp, message)
+
+    def _write(self, topic: str, stamp: int, message: Any) -> None:
+        self._writer.write(f'{self._namespace}/{topic}', stamp, message)
+
+
+class Table:
+    """The CSV of the contract: one row per pair that gave a position."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._rows = csv.writer(stream, lineterminator='\n')
+        self._rows.writerow(CSV_COLUMNS)
+
+    def write(self, event: Located) -> None:
+        """Write one row; the filtered columns stay empty where the filter gave no pose."""
+        position = event.position
+        filtered: list[float | str] = [''] * 6
+        if event.pose is not None:
+            state = event.pose.state
+            deviations = np.sqrt(np.diag(state.covariance)[:3])
+            filtered = [*state.position.tolist(), *deviations.tolist()]
+        self._rows.writerow(
+            [
+                seconds_text(position),
+                *filtered,
+                *position.point.tolist(),
+                float(position.index),
+                float(position.index_std),
+            ]
+        )
+
+
+def seconds_text(position: Position) -> str:
+    """The stamp in seconds, to the nanosecond."""
+    seconds, rest = divmod(position.stamp, 1_000_000_000)
+    return f'{seconds}.{rest:09d}'

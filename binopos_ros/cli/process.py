@@ -1,0 +1,125 @@
+"""`binopos process`: a bag through the stages of the live nodes, offline and deterministic."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple, TextIO
+
+from binopos_ros.bag import BagError, BagReader, BagWriter, messages
+from binopos_ros.cli.config import Parameters, add_config_argument, config_of_bag
+from binopos_ros.cli.output import Output, Table
+from binopos_ros.cli.report import Report
+from binopos_ros.cli.stereo_topics import StereoTopics
+from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
+from binopos_ros.detection.stage import try_decode
+from binopos_ros.optics import CameraInfo
+from binopos_ros.pipeline import Dropped, Event, Located, Pipeline
+
+HELP = 'run a bag through the same stages offline, every pair, as fast as possible'
+
+#: JPEG decoding gives the interpreter's lock free, so that two cores are used.
+DECODERS = 2
+READ_AHEAD = 16
+
+
+class _Image(NamedTuple):
+    side: str
+    stamp: int
+    frame_id: str
+    decoded: Future[Frame | DetectionError]
+
+
+class _Calibration(NamedTuple):
+    side: str
+    info: CameraInfo
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument('bag', type=Path, metavar='BAG', help='bag of a stereo rig')
+    parser.add_argument(
+        '-o', '--output', type=Path, required=True, metavar='OUT.mcap', help='bag to write'
+    )
+    parser.add_argument('--csv', type=Path, metavar='FILE', help='table of positions to write')
+    add_config_argument(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    """Run the verb; the exit status."""
+    config = config_of_bag(arguments.config, arguments.bag)
+    pipeline = Pipeline(Parameters(config, arguments.ros_arguments).by_node())
+    report = Report()
+    with ExitStack() as stack:
+        reader = stack.enter_context(BagReader(arguments.bag))
+        topics = StereoTopics.find(reader)
+        writer = stack.enter_context(BagWriter(arguments.output))
+        output = Output(writer, topics.namespace)
+        table = Table(stack.enter_context(_opened(arguments.csv))) if arguments.csv else None
+        pool = stack.enter_context(ThreadPoolExecutor(DECODERS))
+        for event in _events(reader, topics, pipeline, pool, report):
+            report.add(event)
+            output.write(event)
+            if table is not None and isinstance(event, Located):
+                table.write(event)
+    print(f'{arguments.bag} -> {arguments.output}')
+    print(report)
+    if not report.raw.stamps:
+        print(f'binopos process: {arguments.bag} gave no position', file=sys.stderr)
+        return 1
+    return 0
+
+
+def _opened(path: Path) -> TextIO:
+    return path.open('w', newline='', encoding='utf-8')
+
+
+def _events(
+    reader: BagReader,
+    topics: StereoTopics,
+    pipeline: Pipeline,
+    pool: ThreadPoolExecutor,
+    report: Report,
+) -> Iterator[Event]:
+    """Everything the bag leads to, in its order, with the images decoded ahead in threads."""
+    waiting: deque[_Image | _Calibration] = deque()
+    for record in reader.messages(topics.roles):
+        role, side = topics.roles[record.topic]
+        try:
+            message = reader.decode(record)
+        except BagError as error:
+            yield Dropped(record.stamp_ns, str(error))
+            continue
+        if role == 'truth':
+            report.truth.add(messages.stamp_of(message), messages.position_of(message))
+        elif role == 'camera_info':
+            info = messages.read_camera_info_message(message, side)
+            waiting.append(_Calibration(side, info))
+        else:
+            stamp = messages.stamp_of(message)
+            report.saw(side)
+            decoded = pool.submit(try_decode, _image_of(message, role))
+            waiting.append(_Image(side, stamp, message.header.frame_id, decoded))
+        while len(waiting) > READ_AHEAD:
+            yield from _finish(waiting.popleft(), pipeline)
+    while waiting:
+        yield from _finish(waiting.popleft(), pipeline)
+    yield from pipeline.flush()
+
+
+def _finish(item: _Image | _Calibration, pipeline: Pipeline) -> Iterator[Event]:
+    if isinstance(item, _Calibration):
+        pipeline.set_camera(item.side, item.info)
+        return
+    yield from pipeline.add(item.side, item.stamp, item.frame_id, item.decoded.result())
+
+
+def _image_of(message: Any, role: str) -> JpegImage | RawImage:
+    if role == 'compressed':
+        return JpegImage(message.data)
+    return RawImage(message.data, message.width, message.height, message.step, message.encoding)

@@ -1,0 +1,107 @@
+"""What came out of a bag: pairs seen and used, drops by reason, latency, error against truth."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from binopos_ros.pipeline import Dropped, Event, Located
+from binopos_ros.reasons import kind_of
+
+MILLI = 1e3
+
+
+@dataclass
+class Track:
+    """Stamped positions: nanoseconds and (3,) m."""
+
+    stamps: list[int] = field(default_factory=list)
+    points: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def add(self, stamp: int, point: NDArray[np.float64]) -> None:
+        """Append one position."""
+        self.stamps.append(stamp)
+        self.points.append(np.asarray(point, dtype=float))
+
+    def errors(self, truth: Track) -> NDArray[np.float64]:
+        """(N, 3) m: these positions minus the truth at their stamps, where the truth is known."""
+        if not self.stamps or not truth.stamps:
+            return np.empty((0, 3))
+        order = np.argsort(truth.stamps)
+        origin = truth.stamps[int(order[0])]
+        known = np.array([truth.stamps[k] - origin for k in order], dtype=float)
+        places = np.array([truth.points[k] for k in order])
+        stamps = np.array([stamp - origin for stamp in self.stamps], dtype=float)
+        inside = (stamps >= known[0]) & (stamps <= known[-1])
+        expected = np.column_stack([np.interp(stamps, known, places[:, k]) for k in range(3)])
+        errors: NDArray[np.float64] = (np.array(self.points) - expected)[inside]
+        return errors
+
+
+@dataclass
+class Report:
+    """The table that `replay` and `process` end with."""
+
+    drops: Counter[str] = field(default_factory=Counter)
+    latencies: list[float] = field(default_factory=list)
+    raw: Track = field(default_factory=Track)
+    filtered: Track = field(default_factory=Track)
+    truth: Track = field(default_factory=Track)
+    images: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def seen(self) -> int:
+        """Pairs that the rig took: as many as there are images of the camera with fewer."""
+        return min(self.images['left'], self.images['right'])
+
+    def saw(self, side: str) -> None:
+        """Count an image."""
+        self.images[side] += 1
+
+    def add(self, event: Event) -> None:
+        """Count what the pipeline made of an image."""
+        if isinstance(event, Dropped):
+            self.drop(event.reason)
+        elif isinstance(event, Located):
+            self.raw.add(event.position.stamp, event.position.point)
+            if event.pose is not None:
+                self.filtered.add(event.pose.stamp, event.pose.state.position)
+
+    def drop(self, reason: str, count: int = 1) -> None:
+        """Count a drop; figures in the reason do not part it from its like."""
+        self.drops[kind_of(reason)] += count
+
+    def __str__(self) -> str:
+        rows = [
+            ('pairs seen', str(self.seen)),
+            ('pairs used', str(len(self.raw.stamps))),
+            ('poses', str(len(self.filtered.stamps))),
+            *[(f'dropped: {reason}', str(count)) for reason, count in self.drops.most_common()],
+        ]
+        if not self.drops:
+            rows.append(('dropped', '0'))
+        if self.latencies:
+            median, high = np.percentile(self.latencies, [50, 99]) * MILLI
+            rows.append(('latency from stamp to pose, median', f'{median:.1f} ms'))
+            rows.append(('latency from stamp to pose, 99th percentile', f'{high:.1f} ms'))
+        for name, track in (('target/position', self.raw), ('target/pose', self.filtered)):
+            errors = track.errors(self.truth)
+            if len(errors):
+                rows.append((f'error of {name} against truth, RMS', _rms_text(errors)))
+        if not self.truth.stamps:
+            rows.append(('error against truth', 'the bag holds no truth/pose'))
+        width = max(len(name) for name, _ in rows)
+        return '\n'.join(f'  {name:<{width}}  {value}' for name, value in rows)
+
+
+def rms(errors: NDArray[np.float64]) -> float:
+    """Root of the mean squared length of (N, 3) errors, m."""
+    return float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def _rms_text(errors: NDArray[np.float64]) -> str:
+    x, y, z = np.sqrt((errors**2).mean(axis=0)) * MILLI
+    return f'{rms(errors) * MILLI:.3f} mm (x {x:.3f}, y {y:.3f}, z {z:.3f})'

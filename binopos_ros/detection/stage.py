@@ -1,0 +1,67 @@
+"""The detection stage of one camera: images in, detections out, with the checks between messages.
+
+It is the same object in the live node and in `binopos process`, which decodes in threads.
+"""
+
+from __future__ import annotations
+
+from binopos_ros.optics import CameraInfo
+
+from .detector import Detector
+from .errors import DetectionError
+from .images import Frame, JpegImage, RawImage, decode
+from .options import DetectorOptions
+from .target import Detection
+
+
+class CameraStage:
+    """A detector that knows its camera: stamps must differ, sizes must be the calibration's."""
+
+    def __init__(self, options: DetectorOptions) -> None:
+        self._info: CameraInfo | None = None
+        self._size: tuple[int, int] | None = None
+        self._last_stamp: int | None = None
+        self.configure(options)
+
+    def configure(self, options: DetectorOptions) -> None:
+        """Take new options; where the target was is forgotten."""
+        self._detector = Detector(options)
+
+    def set_camera(self, info: CameraInfo) -> None:
+        """Take the calibration that the images must agree with in size.
+
+        Raises:
+            OpticsError: the calibration cannot be used.
+        """
+        if info != self._info:
+            self._info = info
+            self._size = info.camera().size
+
+    def detect(self, stamp: int, decoded: Frame | DetectionError) -> Detection:
+        """Find the target in one image.
+
+        Args:
+            stamp: of the image, nanoseconds.
+            decoded: the result of `try_decode`.
+        """
+        if stamp == self._last_stamp:
+            return Detection(None, 'the stamp was repeated')
+        self._last_stamp = stamp
+        if isinstance(decoded, DetectionError):
+            return Detection(None, str(decoded))
+        if self._size not in (None, (decoded.width, decoded.height)):
+            calibrated = ' x '.join(map(str, self._size or ()))
+            return Detection(
+                None,
+                f'the image is {decoded.width} x {decoded.height} but its camera_info is for '
+                f'{calibrated}: calibrate at this size',
+            )
+        return self._detector.detect_in(decoded)
+
+
+def try_decode(image: JpegImage | RawImage) -> Frame | DetectionError:
+    """The frame of an image, or why there is none; for use in threads."""
+    try:
+        return decode(image)
+    except DetectionError as error:
+        return error
