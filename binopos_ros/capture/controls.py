@@ -106,7 +106,9 @@ def list_controls(kernel: Kernel, descriptor: int, path: str) -> dict[str, Contr
             label=label,
             kind=KINDS[query.type],
             minimum=query.minimum,
-            maximum=query.maximum,
+            maximum=_unsigned(query.maximum)
+            if query.type == v4l2.CTRL_TYPE_BITMASK
+            else query.maximum,
             step=query.step,
             default=query.default_value,
             read_only=bool(query.flags & v4l2.CTRL_FLAG_READ_ONLY),
@@ -133,7 +135,9 @@ def read_control(kernel: Kernel, descriptor: int, path: str, control: Control) -
     content = request.controls[0].content
     if text is not None:
         return text.value.decode('utf-8', 'replace')
-    return content.value64 if control.kind == 'integer64' else content.value
+    if control.kind == 'integer64':
+        return content.value64
+    return _unsigned(content.value) if control.kind == 'bitmask' else content.value
 
 
 def write_control(
@@ -170,6 +174,10 @@ def write_control(
 def in_order_of_setting(controls: dict[str, Control], names: list[str]) -> list[str]:
     """Put the switches before the values: an automatic locks the value that it drives."""
     return sorted(names, key=lambda name: controls[name].kind not in ('menu', 'boolean'))
+
+
+def _unsigned(bits: int) -> int:
+    return bits & 0xFFFFFFFF
 
 
 def _query_all(kernel: Kernel, descriptor: int, path: str) -> Iterator[v4l2.QueryExtendedControl]:

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from binopos_ros.capture import kernel as v4l2
-from binopos_ros.capture.errors import FROZEN, CaptureError, broken, refused
+from binopos_ros.capture.errors import FROZEN, CaptureError, broken
 
 if TYPE_CHECKING:
     from binopos_ros.capture.v4l2 import Device
@@ -67,7 +67,7 @@ class Stream:
             self._start(buffers)
         except OSError as error:
             self.close()
-            raise refused(error, 'start streaming', device.path) from error
+            raise broken(error, 'start streaming', device.path) from error
 
     def __enter__(self) -> Stream:
         return self

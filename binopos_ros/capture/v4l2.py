@@ -26,6 +26,8 @@ from binopos_ros.capture.errors import CaptureError, refused
 from binopos_ros.capture.kernel import Kernel, Linux
 from binopos_ros.capture.stream import Stream
 
+_MODES_IN_A_LINE = 40
+
 
 @dataclass(frozen=True)
 class Capabilities:
@@ -167,8 +169,8 @@ class Device:
                 raise refused(error, 'set its format', self.path) from error
             answer = None
         if answer != (pixel_format, width, height):
-            modes = '; '.join(str(mode) for mode in self.modes())
-            message = f'{self.path}: no {pixel_format} {width}x{height}; it offers {modes}'
+            offered = _listing(self.modes(), pixel_format)
+            message = f'{self.path}: no {pixel_format} {width}x{height}; it offers {offered}'
             raise CaptureError(message)
         return self._as_format(request, self._set_frame_rate(frame_rate))
 
@@ -333,6 +335,13 @@ class Device:
             message = f'{self.path}: no control {name!r}; its controls are {known}'
             raise CaptureError(message)
         return self.controls[name]
+
+
+def _listing(modes: list[Mode], pixel_format: str) -> str:
+    modes = [mode for mode in modes if mode.pixel_format == pixel_format] or modes
+    if len(modes) <= _MODES_IN_A_LINE:
+        return '; '.join(str(mode) for mode in modes)
+    return 'the formats ' + ', '.join(sorted({mode.pixel_format for mode in modes}))
 
 
 def to_fourcc(code: int) -> str:

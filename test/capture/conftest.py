@@ -66,7 +66,7 @@ def camera(fake):
                 0x980921, 'Big', v4l2.CTRL_TYPE_INTEGER64, -(1 << 40), 1 << 40, 1, 1 << 33
             ),
             fake.FakeControl(0x980922, 'Name', v4l2.CTRL_TYPE_STRING, 1, 8, 1, 'left'),
-            fake.FakeControl(0x980923, 'Bits', v4l2.CTRL_TYPE_BITMASK, 0, 0x0F, 0, 1),
+            fake.FakeControl(0x980923, 'Bits', v4l2.CTRL_TYPE_BITMASK, 0, 0x8000000F, 0, 1),
             fake.FakeControl(0x980924, 'Temperature', flags=v4l2.CTRL_FLAG_READ_ONLY, default=41),
             fake.FakeControl(0x980925, 'Matrix', v4l2.CTRL_COMPOUND_TYPES),
         ],

@@ -46,7 +46,7 @@ def test_controls_are_named_as_v4l2_ctl_names_them(device):
         ('shutter', 1),
         ('big', -(1 << 40)),
         ('name', 'right'),
-        ('bits', 0x0A),
+        ('bits', 0x8000000A),
     ],
 )
 def test_what_is_set_is_read_back(device, name, value):
@@ -64,7 +64,7 @@ def test_what_is_set_is_read_back(device, name, value):
         ('white_balance_automatic', 2, '0: off, 1: on'),
         ('auto_exposure', 2, '1: Manual Mode, 3: Aperture Priority Mode'),
         ('shutter', 2, '0: 8, 1: 16'),
-        ('bits', 0x10, 'bits of 0xf'),
+        ('bits', 0x10, 'bits of 0x8000000f'),
         ('name', 'far too long', 'not 12'),
         ('name', 3, 'text'),
         ('gain', 'much', "gain = 'much'"),
