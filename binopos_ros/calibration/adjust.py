@@ -227,19 +227,19 @@ class _Batch:
             weight = weights[first : first + len(owner)] / sigma**2
             first += len(owner)
             by_pose = np.concatenate([seen.by_point @ -cross_matrices(turned), seen.by_point], 2)
-            by_rig = seen.by_rig[:, :, free]
-            weighted = by_rig * weight[:, None, None]
-            flat = by_rig.reshape(-1, n)
-            normal.rig += flat.T @ weighted.reshape(-1, n)
-            normal.rig_right += weighted.reshape(-1, n).T @ residual.ravel()
+            by_rig = seen.by_rig[:, :, free].reshape(2 * len(owner), n)
+            weighted = by_rig * np.repeat(weight, 2)[:, None]
+            normal.rig += by_rig.T @ weighted
+            normal.rig_right += weighted.T @ residual.ravel()
             normal.cost += float(np.sum(weight * np.sum(residual**2, axis=1)))
             for view in range(m):
-                span = slice(*np.searchsorted(owner, [view, view + 1]))
+                first_row, end_row = np.searchsorted(owner, [view, view + 1])
+                span = slice(first_row, end_row)
                 own = by_pose[span].reshape(-1, 6)
                 own_weighted = (by_pose[span] * weight[span, None, None]).reshape(-1, 6)
                 normal.pose[view] += own.T @ own_weighted
                 normal.pose_right[view] += own_weighted.T @ residual[span].ravel()
-                normal.coupling[view] += own_weighted.T @ by_rig[span].reshape(-1, n)
+                normal.coupling[view] += own_weighted.T @ by_rig[2 * first_row : 2 * end_row]
         if prior is not None:
             change = state.minus(prior.state)
             normal.rig += prior.information[np.ix_(free, free)]

@@ -77,6 +77,8 @@ def project_straight(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Pixels (N, 2) of camera-frame points in air, derivatives by point (N, 2, 3) and by fx, fy,
     cx, cy and the lens's terms (N, 2, 4 + L)."""
+    if not len(points):
+        return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, 4 + len(camera.lens)))
     ahead = np.isfinite(points).all(axis=1) & (points[:, 2] > 0)
     safe = np.where(ahead[:, None], points, [0.0, 0.0, 1.0])
     zero = np.zeros(3)
