@@ -27,6 +27,18 @@ def add_config_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def existing(config: Path) -> Path:
+    """The parameter file that was given.
+
+    Raises:
+        ParameterError: it does not exist.
+    """
+    if not config.is_file():
+        msg = f'{config}: there is no such parameter file; check the path after --config'
+        raise ParameterError(msg)
+    return config
+
+
 def config_of_bag(config: Path | None, bag: Path) -> Path | None:
     """The parameter file to use: the one given, else the one that lies in the bag's folder.
 
@@ -34,10 +46,7 @@ def config_of_bag(config: Path | None, bag: Path) -> Path | None:
         ParameterError: the file that was given does not exist.
     """
     if config is not None:
-        if not config.is_file():
-            msg = f'{config}: there is no such parameter file; check the path after --config'
-            raise ParameterError(msg)
-        return config
+        return existing(config)
     own = (bag if bag.is_dir() else bag.parent) / BAG_CONFIG
     return own if own.is_file() else None
 

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple, TextIO
 from binopos_ros.bag import BagError, BagReader, BagWriter, messages
 from binopos_ros.cli.config import Parameters, add_config_argument, config_of_bag
 from binopos_ros.cli.output import Output, Table
-from binopos_ros.cli.report import Report
 from binopos_ros.cli.stereo_topics import StereoTopics
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
 from binopos_ros.detection.stage import try_decode
 from binopos_ros.optics import CameraInfo
 from binopos_ros.pipeline import Dropped, Event, Located, Pipeline
+from binopos_ros.report import Report
 
 HELP = 'run a bag through the same stages offline, every pair, as fast as possible'
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import signal
 import subprocess
@@ -41,18 +42,24 @@ class Supervisor:
     Args:
         nodes: the names of the nodes.
         ros_arguments: words that every node gets after `--ros-args`.
+        single_process: compose all nodes in one process instead of one each.
         report: takes one line of text for the user.
     """
 
     nodes: Sequence[str]
     ros_arguments: Sequence[str] = ()
+    single_process: bool = False
     report: Callable[[str], None] = field(default=lambda line: print(line, file=sys.stderr))
 
     def __post_init__(self) -> None:
         ros_words = ['--ros-args', *self.ros_arguments] if self.ros_arguments else []
+        groups = [tuple(self.nodes)] if self.single_process else [(name,) for name in self.nodes]
         self.children = [
-            Child(name, [sys.executable, '-m', 'binopos_ros.nodes', name, *ros_words])
-            for name in self.nodes
+            Child(
+                ' + '.join(names),
+                [sys.executable, '-m', 'binopos_ros.nodes', *names, *ros_words],
+            )
+            for names in groups
         ]
 
     def start(self) -> None:
@@ -116,6 +123,15 @@ class Supervisor:
             env={**os.environ, SUPERVISED: '1'},
             stdin=subprocess.DEVNULL,
         )
+
+
+def add_supervisor_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the verbs that start nodes."""
+    parser.add_argument(
+        '--single-process',
+        action='store_true',
+        help='compose all nodes in one process instead of one process each',
+    )
 
 
 def describe_exit(status: int) -> str:

@@ -1,0 +1,49 @@
+"""`binopos run`: the live nodes on the cameras of the rig, kept up."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+
+from binopos_ros.cli.config import add_config_argument, existing
+from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments
+
+HELP = 'start the nodes on the cameras of the rig and keep them up'
+
+NODES = ('camera', 'detector', 'triangulator', 'smoother')
+POLL = 0.1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    add_config_argument(parser)
+    add_supervisor_arguments(parser)
+    parser.add_argument(
+        '--nodes',
+        nargs='+',
+        choices=NODES,
+        default=NODES,
+        metavar='NODE',
+        help=f'run only these of {", ".join(NODES)}, beside a camera driver of your own for one',
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    """Run the verb until it is told to stop; the exit status."""
+    words = ['--params-file', str(existing(arguments.config))] if arguments.config else []
+    supervisor = Supervisor(
+        arguments.nodes, [*words, *arguments.ros_arguments], arguments.single_process
+    )
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        supervisor.start()
+        while not (problem := supervisor.poll()):
+            time.sleep(POLL)
+        print(f'binopos run: {problem}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        supervisor.stop()

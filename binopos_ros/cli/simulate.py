@@ -1,0 +1,183 @@
+"""`binopos simulate`: render a scene with known truth to a bag."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from binopos_ros.simulation.presets import PRESETS, Choices
+from binopos_ros.simulation.recording import record
+from binopos_ros.simulation.target import PATHS
+
+HELP = 'render a scene with known truth to a bag'
+
+EPILOG = """\
+examples:
+  binopos simulate -o bowl                          the paper's washbowl, 300 pairs, calm water
+  binopos simulate -o rough --waves 0.001 --still   a still target under waves of 1 mm
+  binopos simulate -o brine --salt 1.37             salt at the bottom of the bowl
+  binopos simulate -o robot --preset ports          a robot's cameras behind glass ports
+
+The bag's folder also holds binopos.yaml (what the cameras look through), left.yaml and right.yaml
+(their calibration), so that `binopos process BAG -o OUT.mcap` needs nothing else. The true position
+of the target is on /stereo/truth/pose.
+"""
+
+FORMATS = {
+    'jpeg': 'jpeg',
+    'bgr8': 'bgr8',
+    'rgb8': 'rgb8',
+    'yuyv': 'yuv422_yuy2',
+    'bayer': 'bayer_rggb8',
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = EPILOG
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        required=True,
+        metavar='BAG',
+        help='bag to write: a new folder, or a new file that ends in .mcap',
+    )
+    parser.add_argument(
+        '--preset',
+        choices=sorted(PRESETS),
+        default='washbowl',
+        help="washbowl: the paper's rig over a bowl of water, 1280x960; ports: two cameras behind "
+        'flat glass under water, 1280x960; demo: the washbowl at 640x480 (default: washbowl)',
+    )
+    parser.add_argument(
+        '--pairs', type=int, metavar='N', help='pairs of pictures (default: 300, demo 150)'
+    )
+    parser.add_argument('--rate', type=float, metavar='HZ', help='pairs per second (default: 30)')
+    parser.add_argument(
+        '--seed',
+        type=int,
+        default=0,
+        metavar='S',
+        help='of textures, waves and noise; the same seed gives the same bag (default: 0)',
+    )
+    water = parser.add_argument_group('water')
+    water.add_argument(
+        '--waves',
+        type=float,
+        metavar='HEIGHT',
+        help='waves: standard deviation of the surface height in m, as 0.0005 (default: calm)',
+    )
+    water.add_argument(
+        '--wave-peak',
+        type=float,
+        metavar='HZ',
+        help='frequency of the highest waves, within 1.6 .. 6 Hz (default: 2.5)',
+    )
+    water.add_argument(
+        '--salt',
+        type=float,
+        metavar='INDEX',
+        help='salt gradient: refractive index at the bottom, 1.333 .. 1.38, rising steadily from '
+        '1.333 at the surface (default: fresh water)',
+    )
+    target = parser.add_argument_group('target')
+    motion = target.add_mutually_exclusive_group()
+    motion.add_argument(
+        '--path', choices=PATHS, help='how the target moves (default: figure-eight)'
+    )
+    motion.add_argument(
+        '--still', action='store_const', const='still', dest='path', help='same as --path still'
+    )
+    target.add_argument(
+        '--period', type=float, metavar='S', help='seconds for one round of the path'
+    )
+    target.add_argument(
+        '--diameter', type=float, metavar='M', help='diameter of the red disc in m'
+    )
+    target.add_argument(
+        '--distractors', type=int, metavar='N', help='coloured things that are not the target'
+    )
+    camera = parser.add_argument_group('camera')
+    camera.add_argument(
+        '--noise',
+        type=float,
+        metavar='SIGMA',
+        help='noise at mid grey, in grey levels of 255 (default: 1.5, demo 1.0)',
+    )
+    camera.add_argument(
+        '--blur', type=float, metavar='PX', help="the lens's Gaussian blur in px (default: 0.6)"
+    )
+    camera.add_argument(
+        '--format',
+        choices=sorted(FORMATS),
+        default='jpeg',
+        help='encoding of the pictures: jpeg on image_raw/compressed, the others on image_raw '
+        '(default: jpeg)',
+    )
+    camera.add_argument(
+        '--quality', type=int, metavar='Q', help='of the JPEG, 1 .. 100 (default: 90, demo 80)'
+    )
+    parser.add_argument(
+        '--threads',
+        type=int,
+        metavar='N',
+        help='pictures rendered at once (default: one per processor); the bag does not depend on it',
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    make, preset_pairs = PRESETS[arguments.preset]
+    pairs = preset_pairs if arguments.pairs is None else arguments.pairs
+    scene = make(
+        Choices(
+            seed=arguments.seed,
+            waves=arguments.waves,
+            wave_peak=arguments.wave_peak,
+            salt=arguments.salt,
+            path=arguments.path,
+            period=arguments.period,
+            diameter=arguments.diameter,
+            distractors=arguments.distractors,
+            noise=arguments.noise,
+            quality=arguments.quality,
+            blur=arguments.blur,
+            encoding=FORMATS[arguments.format],
+            rate=arguments.rate,
+        )
+    )
+    bar = _progress_bar(pairs)
+    record(
+        scene,
+        arguments.output,
+        pairs,
+        seed=arguments.seed,
+        threads=arguments.threads,
+        on_pair=bar.update if bar else _nothing,
+    )
+    if bar:
+        bar.close()
+    print(
+        f'{arguments.output}: {pairs} pairs, {pairs / scene.rate:.1f} s, {_size(arguments.output)}; '
+        'the truth is on /stereo/truth/pose'
+    )
+    return 0
+
+
+def _progress_bar(pairs: int) -> Any:
+    """A progress bar on a terminal; None where tqdm is not installed."""
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        return None
+    return tqdm(total=pairs, unit='pair', disable=None, leave=False)
+
+
+def _nothing() -> None:
+    pass
+
+
+def _size(bag: Path) -> str:
+    files = [bag] if bag.is_file() else [path for path in bag.iterdir() if path.is_file()]
+    return f'{sum(path.stat().st_size for path in files) / 1e6:.1f} MB'

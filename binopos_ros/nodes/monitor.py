@@ -1,0 +1,102 @@
+"""What `binopos replay` watches: poses, truth and diagnostics, gathered into a report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+from binopos_ros.nodes.shell import SUBSCRIBER_QOS
+from binopos_ros.report import Report, pose_text
+
+#: What must be published and subscribed to before the suite passes anything through.
+CHAIN = ('left/centroid', 'right/centroid', 'target/position')
+DROPPED = 'Dropped: '
+
+
+class Monitor(Node):
+    """Gathers what the live nodes make of a bag.
+
+    Args:
+        namespace: of the nodes.
+        report: is filled.
+        wall_time_of: when a stamp of the bag was due, in seconds of `time.monotonic`.
+    """
+
+    def __init__(
+        self, namespace: str, report: Report, wall_time_of: Callable[[int], float | None]
+    ) -> None:
+        super().__init__('monitor', namespace=namespace)
+        self.newest = ''
+        self.last_pose = time.monotonic()
+        self.last_diagnostics: dict[str, float] = {}
+        self._report = report
+        self._wall_time_of = wall_time_of
+        self._counts: dict[tuple[str, str], int] = {}
+        pose = PoseWithCovarianceStamped
+        self.create_subscription(pose, 'target/position', self._on_position, SUBSCRIBER_QOS)
+        self.create_subscription(pose, 'target/pose', self._on_pose, SUBSCRIBER_QOS)
+        self.create_subscription(pose, 'truth/pose', self._on_truth, SUBSCRIBER_QOS)
+        self.create_subscription(
+            DiagnosticArray, '/diagnostics', self._on_diagnostics, QoSProfile(depth=20)
+        )
+
+    def missing(self) -> list[str]:
+        """Topics of the chain that somebody does not publish or does not subscribe to yet."""
+        unconnected = [
+            topic
+            for topic in CHAIN
+            if not (self.count_publishers(self._full(topic)) and self._listeners(topic))
+        ]
+        if not self.count_publishers(self._full('target/pose')):
+            unconnected.append('target/pose')
+        return unconnected
+
+    def heard_since(self, instant: float) -> bool:
+        """Whether every node's diagnostics came after an instant of `time.monotonic`."""
+        heard = self.last_diagnostics.values()
+        return bool(heard) and min(heard) > instant
+
+    def _listeners(self, topic: str) -> int:
+        own = topic == 'target/position'
+        return self.count_subscribers(self._full(topic)) - own
+
+    def _full(self, topic: str) -> str:
+        return f'{self.get_namespace().rstrip("/")}/{topic}'
+
+    def _on_position(self, message: PoseWithCovarianceStamped) -> None:
+        self._report.raw.add(stamp_of(message), position_of(message))
+
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
+        now = time.monotonic()
+        stamp = stamp_of(message)
+        self.last_pose = now
+        self._report.filtered.add(stamp, position_of(message))
+        due = self._wall_time_of(stamp)
+        if due is not None:
+            self._report.latencies.append(now - due)
+        self.newest = pose_text(stamp, position_of(message), covariance_of(message)[:3, :3])
+
+    def _on_truth(self, message: PoseWithCovarianceStamped) -> None:
+        self._report.truth.add(stamp_of(message), position_of(message))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            node = status.name.removesuffix(': stage').rpartition('/')[2]
+            self.last_diagnostics[node] = time.monotonic()
+            for item in status.values:
+                if item.key.startswith(DROPPED):
+                    self._count(node, item.key.removeprefix(DROPPED), int(item.value))
+
+    def _count(self, node: str, reason: str, count: int) -> None:
+        before = self._counts.get((node, reason), 0)
+        self._counts[(node, reason)] = count
+        # A node that was started again counts from nought.
+        new = count - before if count >= before else count
+        if new:
+            self._report.drop(reason if node != 'smoother' else f'smoother: {reason}', new)
