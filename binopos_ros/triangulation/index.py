@@ -1,0 +1,277 @@
+"""The refractive index of the target's medium, live, from the disagreement of two bent rays.
+
+A pair of images gives four numbers and a point takes three: one is left over, and it depends on
+the index (see `evidence.py`). It corrects a scalar Kalman state, linearised anew at each pair.
+
+Forgetting: between pairs the index is an Ornstein-Uhlenbeck process about the prior: a random walk
+of `drift` per square root of a second that the prior holds in bounds. Without data the estimate
+returns to the prior, within about 2 (prior_std / drift)^2 seconds.
+
+Errors that all pairs share (where the interface lies, where a known plane lies) do not average
+out. They are *considered* (Schmidt's filter): never estimated, but their correlation with the
+estimate is kept, so that no number of pairs makes it surer than they allow.
+
+Waves disturb neighbouring pairs alike, and pixels may be noisier than they claim: when the
+innovations are larger than stated, or alike from pair to pair, each pair counts for less.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from binopos_ros.optics import StereoRig
+from binopos_ros.triangulation.depth_aid import KnownPlane
+from binopos_ros.triangulation.errors import TriangulationError
+from binopos_ros.triangulation.evidence import Clue, Evidence, gather_evidence
+
+Array = NDArray[np.float64]
+
+#: A pair that alone tells the index no better than this cannot tell water from air.
+PAIR_STD_LIMIT = 1.0
+NOT_OBSERVABLE = 'index not observable from this pair'
+OUTLIER = 'outlier: both rays disagree at any likely index'
+OFF_PLANE = 'outlier: target not in the known plane'
+
+#: Shift of the index within one update that makes the linearisation worth repeating.
+_RELINEARISE = 2e-3
+_MAX_LINEARISATIONS = 4
+#: Weight of the newest pair in the statistics of the innovations: some 100 pairs count.
+_MEMORY = 0.02
+#: 99.9 % bounds over 100 pairs: of the mean squared innovation, and of their correlation.
+_CONSISTENT, _CORRELATED = 1.49, 0.33
+_MOST_CORRELATED = 0.95
+#: Share of outliers at which it is the estimate that is wrong, not the pairs.
+_LOST = 0.5
+
+
+@dataclass(frozen=True)
+class IndexState:
+    """What is known of the index after a pair, and the position that goes with it.
+
+    Attributes:
+        mean: refractive index of the target's medium.
+        std: its standard deviation.
+        observed: True where the data say at least as much about the index as the prior does, and
+            agree with the model; False where the estimate rests on the prior.
+        frame_index: the index that this pair alone gives (the paper's mean refractive index of
+            the frame); nan where it gives none.
+        frame_index_std: its standard deviation; nan with it.
+        reason: '' where the pair corrected the index, else why it did not.
+        point: (3,) the target in the rig frame at `mean`, m; nan where there is none.
+        covariance: (3,3) of the point, m^2, with the uncertainty of the index and of all that is
+            considered.
+    """
+
+    mean: float
+    std: float
+    observed: bool
+    frame_index: float
+    frame_index_std: float
+    reason: str
+    point: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class _Belief:
+    """The index: mean, variance, and covariance (k,) with the considered parameters."""
+
+    mean: float
+    variance: float
+    shared: Array
+
+
+class _Verdict(NamedTuple):
+    """A belief, the normalised innovation that led to it (None: no clue), why it did not."""
+
+    belief: _Belief
+    score: float | None
+    reason: str
+
+
+class IndexEstimator:
+    """Follows the refractive index of the target's medium from pair to pair.
+
+    Args:
+        prior_mean: index before the first pair (see `seawater.index_prior`).
+        prior_std: its standard deviation.
+        drift: standard deviation of the index's change within a second; it grows with the square
+            root of time. 0: the index is constant. 1e-4 lets it move by 0.006 in an hour.
+        known_plane: a plane that the target is known to lie in.
+        gate: innovations beyond this many standard deviations are outliers and not used.
+        huber: innovations beyond this many standard deviations weigh less (Huber's weight).
+
+    Raises:
+        TriangulationError: a prior, drift or bound that cannot be.
+    """
+
+    def __init__(
+        self,
+        prior_mean: float,
+        prior_std: float,
+        *,
+        drift: float = 0.0,
+        known_plane: KnownPlane | None = None,
+        gate: float = 4.0,
+        huber: float = 2.0,
+    ) -> None:
+        if not 1.0 <= prior_mean <= 4.0:
+            msg = f'index prior: {prior_mean} is no refractive index of a clear medium (1 to 4)'
+            raise TriangulationError(msg)
+        for name, value in (('prior std', prior_std), ('gate', gate), ('huber', huber)):
+            if not (math.isfinite(value) and value > 0):
+                msg = f'index estimate: {name} is {value}: it must be above 0'
+                raise TriangulationError(msg)
+        if not (math.isfinite(drift) and drift >= 0):
+            msg = f'index estimate: drift is {drift}: give 0 or more, per square root of a second'
+            raise TriangulationError(msg)
+        self._prior_mean, self._prior_variance = float(prior_mean), float(prior_std) ** 2
+        self._rate = drift**2 / (2.0 * self._prior_variance)
+        self._plane = known_plane
+        self._gate, self._huber = gate, huber
+        variances = [] if known_plane is None else [known_plane.std**2]
+        self._considered = np.diag(variances) if variances else np.zeros((0, 0))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all pairs: back to the prior."""
+        self._stamp: float | None = None
+        self._restart()
+
+    def _restart(self) -> None:
+        shared = np.zeros(len(self._considered))
+        self._belief = _Belief(self._prior_mean, self._prior_variance, shared)
+        self._square, self._product, self._last, self._outliers = 1.0, 0.0, 0.0, 0.0
+
+    def update(
+        self,
+        rig: StereoRig,
+        left_px: ArrayLike,
+        right_px: ArrayLike,
+        left_cov: ArrayLike | None = None,
+        right_cov: ArrayLike | None = None,
+        stamp: float = 0.0,
+    ) -> IndexState:
+        """Triangulate one pair at the index known so far, and correct the index by it.
+
+        Args:
+            rig: cameras and interface; the index of the target's medium in it is not used.
+            left_px: (2,) pixels in the left image.
+            right_px: (2,) pixels in the right image.
+            left_cov: (2,2) covariance of `left_px`, px^2.
+            right_cov: (2,2) covariance of `right_px`, px^2.
+            stamp: of the pair, s; one that jumps back counts as no time passed.
+
+        Raises:
+            TriangulationError, OpticsError: as `triangulate` raises them.
+        """
+        prior = self._predict(stamp)
+        belief = prior
+        for _ in range(_MAX_LINEARISATIONS):
+            assumed = belief.mean
+            evidence = gather_evidence(rig, assumed, left_px, right_px, left_cov, right_cov)
+            if evidence.reason:
+                self._belief = prior
+                return self._state(evidence, evidence.reason)
+            verdict = self._correct(prior, evidence)
+            belief = verdict.belief
+            if abs(belief.mean - assumed) < _RELINEARISE:
+                break
+        self._belief = belief
+        self._judge(verdict)
+        return self._state(evidence, verdict.reason)
+
+    def _predict(self, stamp: float) -> _Belief:
+        """The index drifts: back towards the prior, and less certain."""
+        elapsed = 0.0 if self._stamp is None else max(stamp - self._stamp, 0.0)
+        self._stamp = stamp
+        keep = math.exp(-self._rate * elapsed)
+        mean = self._prior_mean + keep * (self._belief.mean - self._prior_mean)
+        lost = self._prior_variance - self._belief.variance
+        return _Belief(mean, self._prior_variance - keep**2 * lost, keep * self._belief.shared)
+
+    def _correct(self, prior: _Belief, evidence: Evidence) -> _Verdict:
+        """Return the belief after what the two rays and the known plane say."""
+        if evidence.clue.gain * PAIR_STD_LIMIT >= 1.0:
+            verdict = self._follow(prior, evidence.at, evidence.clue, OUTLIER)
+        else:
+            verdict = _Verdict(prior, None, NOT_OBSERVABLE)
+        if self._plane is None or verdict.reason == OUTLIER:
+            return verdict
+        held = self._follow(verdict.belief, evidence.at, self._plane.clue(evidence), OFF_PLANE)
+        return held if verdict.score is None else held._replace(score=verdict.score)
+
+    def _follow(self, prior: _Belief, at: float, clue: Clue, outlier: str) -> _Verdict:
+        """Schmidt's update of the belief by one clue, gated and with Huber's weight."""
+        considered = len(self._considered)
+        shared = np.concatenate([clue.shared, np.zeros(considered - len(clue.shared))])
+        innovation = clue.innovation - clue.gain * (prior.mean - at)
+        cross = float(shared @ prior.shared)
+        carried = self._considered @ shared
+        spread = clue.gain * (clue.gain * prior.variance + 2.0 * cross) + float(shared @ carried)
+        score = innovation / math.sqrt(spread + 1.0)
+        if abs(score) > self._gate:
+            return _Verdict(prior, score, outlier)
+        total = spread + self._noise() * max(1.0, abs(score) / self._huber)
+        step = (clue.gain * prior.variance + cross) / total
+        belief = _Belief(
+            prior.mean + step * innovation,
+            prior.variance - step * step * total,
+            prior.shared - step * (clue.gain * prior.shared + carried),
+        )
+        return _Verdict(belief, score, '')
+
+    def _noise(self) -> float:
+        """Variance to count a pair with: 1 while the innovations are as small as they claim.
+
+        Alike innovations, of correlation c from pair to pair, hold as much as a share
+        (1 - c) / (1 + c) of independent ones.
+        """
+        noise = self._square if self._square > _CONSISTENT else 1.0
+        alike = min(self._product / self._square, _MOST_CORRELATED)
+        return noise * (1.0 + alike) / (1.0 - alike) if alike > _CORRELATED else noise
+
+    def _judge(self, verdict: _Verdict) -> None:
+        """Keep the statistics of the innovations; start again when most pairs are outliers."""
+        if verdict.score is None:
+            return
+        outlier = verdict.reason != ''
+        self._outliers += _MEMORY * (outlier - self._outliers)
+        if not outlier:
+            self._square += _MEMORY * (verdict.score**2 - self._square)
+            self._product += _MEMORY * (verdict.score * self._last - self._product)
+            self._last = verdict.score
+        if self._outliers > _LOST:
+            self._restart()
+
+    def _state(self, evidence: Evidence, reason: str) -> IndexState:
+        belief, clue = self._belief, evidence.clue
+        telling = clue.gain * PAIR_STD_LIMIT >= 1.0
+        if self._plane is not None and reason in ('', NOT_OBSERVABLE):
+            evidence = self._plane.hold(evidence)
+        by_index, by_shared = evidence.by_index, evidence.by_shared
+        correlated = np.outer(by_index, by_shared @ belief.shared[: by_shared.shape[1]])
+        considered = self._considered[: by_shared.shape[1], : by_shared.shape[1]]
+        return IndexState(
+            mean=belief.mean,
+            std=math.sqrt(belief.variance),
+            observed=(
+                belief.variance <= 0.5 * self._prior_variance and self._square <= _CONSISTENT
+            ),
+            frame_index=evidence.at + clue.innovation / clue.gain if telling else math.nan,
+            frame_index_std=1.0 / clue.gain if telling else math.nan,
+            reason=reason,
+            point=evidence.point + by_index * (belief.mean - evidence.at),
+            covariance=(
+                evidence.covariance
+                + belief.variance * np.outer(by_index, by_index)
+                + correlated
+                + correlated.T
+                + by_shared @ considered @ by_shared.T
+            ),
+        )
