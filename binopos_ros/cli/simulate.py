@@ -20,8 +20,8 @@ examples:
   binopos simulate -o robot --preset ports          a robot's cameras behind glass ports
 
 The bag's folder also holds binopos.yaml (what the cameras look through), left.yaml and right.yaml
-(their calibration), so that `binopos process BAG -o OUT.mcap` needs nothing else. The true position
-of the target is on /stereo/truth/pose.
+(their calibration), so that `binopos process BAG -o OUT.mcap` needs nothing else. The true
+position of the target is on /stereo/truth/pose.
 """
 
 FORMATS = {
@@ -123,14 +123,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--threads',
         type=int,
         metavar='N',
-        help='pictures rendered at once (default: one per processor); the bag does not depend on it',
+        help='pictures rendered at once, without effect on the bag (default: one per processor)',
     )
 
 
 def main(arguments: argparse.Namespace) -> int:
-    make, preset_pairs = PRESETS[arguments.preset]
-    pairs = preset_pairs if arguments.pairs is None else arguments.pairs
-    scene = make(
+    preset = PRESETS[arguments.preset]
+    pairs = preset.pairs if arguments.pairs is None else arguments.pairs
+    scene = preset.make(
         Choices(
             seed=arguments.seed,
             waves=arguments.waves,
@@ -159,8 +159,8 @@ def main(arguments: argparse.Namespace) -> int:
     if bar:
         bar.close()
     print(
-        f'{arguments.output}: {pairs} pairs, {pairs / scene.rate:.1f} s, {_size(arguments.output)}; '
-        'the truth is on /stereo/truth/pose'
+        f'{arguments.output}: {pairs} pairs, {pairs / scene.rate:.1f} s, '
+        f'{_size(arguments.output)}; the truth is on /stereo/truth/pose'
     )
     return 0
 

@@ -1,0 +1,31 @@
+"""Scenes with known truth, rendered by tracing light backwards.
+
+Nothing here uses the projection of `optics`: the pictures test it.
+"""
+
+from binopos_ros.simulation.errors import SimulationError
+from binopos_ros.simulation.presets import PRESETS, Choices, ports, washbowl
+from binopos_ros.simulation.recording import record
+from binopos_ros.simulation.render import Renderer
+from binopos_ros.simulation.scene import Scene
+from binopos_ros.simulation.sensor import Sensor
+from binopos_ros.simulation.target import Disc, harmonic_path
+from binopos_ros.simulation.water import Water
+from binopos_ros.simulation.waves import WaveField, WaveSpectrum
+
+__all__ = [
+    'PRESETS',
+    'Choices',
+    'Disc',
+    'Renderer',
+    'Scene',
+    'Sensor',
+    'SimulationError',
+    'Water',
+    'WaveField',
+    'WaveSpectrum',
+    'harmonic_path',
+    'ports',
+    'record',
+    'washbowl',
+]

@@ -1,0 +1,224 @@
+"""A scene as a bag: pictures, calibration and truth, and the parameter file for them."""
+
+from __future__ import annotations
+
+import collections
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike
+
+from binopos_ros.bag import BagWriter, messages
+from binopos_ros.optics import (
+    CameraInfo,
+    FlatInterface,
+    PinholeCamera,
+    StereoRig,
+    write_camera_info,
+)
+from binopos_ros.simulation.errors import SimulationError
+from binopos_ros.simulation.render import Renderer
+from binopos_ros.simulation.scene import Scene
+from binopos_ros.simulation.sensor import bytes_per_pixel
+
+NAMESPACE = '/stereo'
+SIDES = ('left', 'right')
+FRAMES = ('left_camera_optical_frame', 'right_camera_optical_frame')
+#: Stamp of the first pair, ns: a fixed moment, so that the same scene gives the same bytes.
+START_NS = 1_700_000_000 * 10**9
+PLUMB_BOB_TERMS = 5
+
+
+def record(
+    scene: Scene,
+    path: str | Path,
+    pairs: int,
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    split_bytes: int = 0,
+    on_pair: Callable[[], None] = lambda: None,
+) -> None:
+    """Render pairs of a scene into a new bag.
+
+    Topics under /stereo: `left/` and `right/` with `image_raw/compressed` (or `image_raw`) and
+    `camera_info`, and `truth/pose`, the target's centre in the rig's frame, covariance zero.
+    Beside the messages lie `binopos.yaml`, `left.yaml` and `right.yaml`: the interface and the
+    calibration, as the nodes take them.
+
+    Args:
+        scene: what to render.
+        path: of the bag, a folder or a single .mcap file, which must not exist yet.
+        pairs: how many.
+        seed: of the noise; the same seed gives the same bytes, whatever the number of threads.
+        threads: that render at once; default one per processor.
+        split_bytes: begin a new file of the bag where one would grow beyond this; 0: never.
+        on_pair: called after each pair that was written.
+
+    Raises:
+        SimulationError: nothing to render.
+        BagError: the path exists or cannot be written.
+    """
+    if pairs < 1:
+        msg = f'{pairs} pairs make no bag: give 1 or more'
+        raise SimulationError(msg)
+    infos = camera_infos(scene.rig)
+    times = scene.times(pairs)
+    stamps = START_NS + np.rint(times * 1e9).astype(np.int64)
+    truth = scene.path.poses(times)[0]
+    raw = scene.sensor.encoding != 'jpeg'
+    picture_topic = 'image_raw' if raw else 'image_raw/compressed'
+    picture_type = messages.IMAGE if raw else messages.COMPRESSED_IMAGE
+    with BagWriter(path, split_bytes=split_bytes) as writer:
+        for side in SIDES:
+            writer.add_topic(f'{NAMESPACE}/{side}/{picture_topic}', picture_type)
+            writer.add_topic(f'{NAMESPACE}/{side}/camera_info', messages.CAMERA_INFO)
+        writer.add_topic(f'{NAMESPACE}/truth/pose', messages.POSE_WITH_COVARIANCE)
+        write_calibration(scene.rig, infos, Path(path))
+        for number, pictures in enumerate(_pictures(scene, pairs, seed, threads)):
+            stamp = int(stamps[number])
+            for side, frame, info, data in zip(SIDES, FRAMES, infos, pictures, strict=True):
+                calibration = messages.camera_info(stamp, frame, info)
+                writer.write(f'{NAMESPACE}/{side}/camera_info', stamp, calibration)
+                picture = _picture_message(scene, stamp, frame, data, info)
+                writer.write(f'{NAMESPACE}/{side}/{picture_topic}', stamp, picture)
+            position = messages.pose_with_covariance(
+                stamp, FRAMES[0], truth[number], np.zeros((3, 3))
+            )
+            writer.write(f'{NAMESPACE}/truth/pose', stamp, position)
+            on_pair()
+
+
+def camera_infos(rig: StereoRig) -> tuple[CameraInfo, CameraInfo]:
+    """The calibration in air of both cameras, with the extrinsics in R and P."""
+    size = (int(rig.left.size[0]), int(rig.left.size[1]))
+    translation = np.asarray(rig.translation, float).reshape(3, 1)
+    turn_left, turn_right, project_left, project_right = cv2.stereoRectify(
+        np.asarray(rig.left.matrix),
+        _terms(rig.left),
+        np.asarray(rig.right.matrix),
+        _terms(rig.right),
+        size,
+        np.asarray(rig.rotation, float),
+        translation,
+        flags=cv2.CALIB_ZERO_DISPARITY,
+        alpha=0,
+    )[:4]
+    return (
+        _camera_info('left', rig.left, turn_left, project_left),
+        _camera_info('right', rig.right, turn_right, project_right),
+    )
+
+
+def write_calibration(rig: StereoRig, infos: tuple[CameraInfo, CameraInfo], bag: Path) -> None:
+    """Write the parameter file and the camera_info files into a bag's folder, or beside it."""
+    single = bag.suffix == '.mcap'
+    folder, prefix = (bag.parent, f'{bag.stem}.') if single else (bag, '')
+    for side, info in zip(SIDES, infos, strict=True):
+        write_camera_info(folder / f'{prefix}{side}.yaml', info)
+    (folder / f'{prefix}binopos.yaml').write_text(parameter_file(rig), encoding='utf-8')
+
+
+def parameter_file(rig: StereoRig) -> str:
+    """The triangulator's parameters for a rig, as ROS 2 parameter file."""
+    lines = [
+        '# What the cameras of this bag look through. Made by `binopos simulate`.',
+        '/**/triangulator:',
+        '  ros__parameters:',
+    ]
+    blocks = {
+        'interface': (rig.interface, 'rig frame'),
+        'left_port': (rig.left_port, "left camera's frame"),
+        'right_port': (rig.right_port, "right camera's frame"),
+    }
+    for name, (interface, frame) in blocks.items():
+        if interface is not None:
+            lines += _interface_block(name, interface, frame)
+    if len(lines) == 3:
+        lines.append("    method: 'straight'")
+    return '\n'.join(lines) + '\n'
+
+
+def _interface_block(name: str, interface: FlatInterface, frame: str) -> list[str]:
+    lines = [
+        f'    {name}:',
+        f'      normal: {_numbers(interface.normal)}  # {frame}',
+        f'      distance: {float(interface.distance)!r}  # m',
+        f'      indices: {_numbers(interface.indices)}',
+    ]
+    if len(interface.thicknesses):
+        lines.append(f'      thicknesses: {_numbers(interface.thicknesses)}  # m')
+    return lines
+
+
+def _numbers(values: ArrayLike) -> str:
+    return f'[{", ".join(repr(float(value)) for value in np.ravel(values))}]'
+
+
+def _pictures(
+    scene: Scene, pairs: int, seed: int, threads: int | None
+) -> Iterator[tuple[bytes, bytes]]:
+    """Encoded pictures of each pair in order, rendered a few pairs ahead."""
+    threads = threads or os.cpu_count() or 1
+    times = scene.times(pairs)
+    with ThreadPoolExecutor(threads) as pool:
+        renderers = tuple(pool.map(lambda side: Renderer(scene, side), range(2)))
+
+        def render(number: int, side: int) -> bytes:
+            # A stream of its own for each picture: the order of rendering cannot matter.
+            noise = np.random.Generator(np.random.SFC64([seed, number, side]))
+            picture = renderers[side].picture(float(times[number]), noise)
+            return scene.sensor.encode(picture)
+
+        waiting: collections.deque[tuple[Future[bytes], Future[bytes]]] = collections.deque()
+        try:
+            for number in range(pairs):
+                waiting.append((pool.submit(render, number, 0), pool.submit(render, number, 1)))
+                if len(waiting) > threads + 1:
+                    left, right = waiting.popleft()
+                    yield left.result(), right.result()
+            while waiting:
+                left, right = waiting.popleft()
+                yield left.result(), right.result()
+        finally:
+            for left, right in waiting:
+                left.cancel()
+                right.cancel()
+
+
+def _picture_message(
+    scene: Scene, stamp: int, frame: str, data: bytes, info: CameraInfo
+) -> object:
+    encoding = scene.sensor.encoding
+    if encoding == 'jpeg':
+        return messages.compressed_image(stamp, frame, data)
+    step = info.width * bytes_per_pixel(encoding)
+    return messages.image(stamp, frame, data, (info.width, info.height), encoding, step)
+
+
+def _camera_info(
+    name: str, camera: PinholeCamera, turn: np.ndarray, projection: np.ndarray
+) -> CameraInfo:
+    terms = _terms(camera)
+    return CameraInfo(
+        name=name,
+        width=int(camera.size[0]),
+        height=int(camera.size[1]),
+        distortion_model='plumb_bob' if terms.size == PLUMB_BOB_TERMS else 'rational_polynomial',
+        d=tuple(float(value) for value in terms),
+        k=tuple(float(value) for value in np.ravel(camera.matrix)),
+        r=tuple(float(value) for value in turn.ravel()),
+        p=tuple(float(value) for value in projection.ravel()),
+    )
+
+
+def _terms(camera: PinholeCamera) -> np.ndarray:
+    """Distortion of 5 or 8 terms, as plumb_bob and rational_polynomial have them."""
+    given = np.asarray(camera.distortion, float).ravel()
+    terms = np.zeros(PLUMB_BOB_TERMS if given.size <= PLUMB_BOB_TERMS else max(8, given.size))
+    terms[: given.size] = given
+    return terms
