@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from binopos_ros.optics.distortion import Component, Distortion
+from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic, Component
+from binopos_ros.optics.distortion import OUT_OF_FIELD, Distortion
 from binopos_ros.optics.errors import OpticsError
 
 FloatArray = NDArray[np.float64]
@@ -61,10 +62,8 @@ class PinholeCamera:
         points = components(points, 3, 'points')
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         with np.errstate(all='ignore'):
-            x, y = x / z, y / z
-            good = (z > 0.0) & self.lens.within_fold(x, y)
-            u, v = self.pixels(x, y)
-        return np.where(good[..., None], np.stack([u, v], axis=-1), np.nan)
+            x, y = self.ideal(x, y, z)
+            return np.stack(self.pixels(x, y), axis=-1)
 
     def unproject(self, pixels: ArrayLike) -> FloatArray:
         """Return the unit rays of pixels, in the camera frame: the exact inverse of `project`.
@@ -77,9 +76,20 @@ class PinholeCamera:
 
         """
         pixels = components(pixels, 2, 'pixels')
-        x, y = self.image_plane(pixels[..., 0], pixels[..., 1])
-        rays = np.stack([x, y, np.ones_like(x)], axis=-1)
-        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        with np.errstate(all='ignore'):
+            x, y = self.image_plane(pixels[..., 0], pixels[..., 1])
+            length = np.sqrt(x * x + y * y + 1.0)
+            return np.stack([x / length, y / length, 1.0 / length], axis=-1)
+
+    def ideal(
+        self, x: Component, y: Component, z: Component, arithmetic: Arithmetic = ARRAYS
+    ) -> tuple[Component, Component]:
+        """Return the image-plane coordinates of a direction, kept to the lens's field."""
+        z = arithmetic.keep(z, z > 0.0, 'behind the camera')
+        x, y = x / z, y / z
+        if self.lens.fold_radius_squared < math.inf:
+            x = arithmetic.keep(x, self.lens.within_fold(x, y), OUT_OF_FIELD)
+        return x, y
 
     def pixels(self, x: Component, y: Component) -> tuple[Component, Component]:
         """Put ideal image-plane coordinates on the sensor; the caller has checked the fold."""
@@ -100,10 +110,12 @@ class PinholeCamera:
             self._fy * yy,
         )
 
-    def image_plane(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def image_plane(
+        self, u: Component, v: Component, arithmetic: Arithmetic = ARRAYS
+    ) -> tuple[Component, Component]:
         """Return the ideal image-plane coordinates of pixels; nan where there are none."""
         y = (v - self._cy) / self._fy
-        return self.lens.undistort((u - self._cx - self._skew * y) / self._fx, y)
+        return self.lens.undistort((u - self._cx - self._skew * y) / self._fx, y, arithmetic)
 
 
 def components(values: ArrayLike, width: int, what: str) -> FloatArray:

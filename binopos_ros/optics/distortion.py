@@ -16,10 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic, Component
 from binopos_ros.optics.errors import OpticsError
 
 TERMS = (0, 4, 5, 8, 12, 14)
-Component = Any  # a float, or an array of floats: one coordinate of one or of many points
+NEWTON_LIMIT = 60
+TINY = 1e-300
+OUT_OF_FIELD = "beyond the lens's field (its distortion folds over)"
 
 
 class Distortion:
@@ -106,41 +109,41 @@ class Distortion:
         return xd, yd, xx + x * first, cross + y * first, cross + x * second, yy + y * second
 
     def undistort(
-        self, xd: NDArray[np.float64], yd: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        self, xd: Component, yd: Component, arithmetic: Arithmetic = ARRAYS
+    ) -> tuple[Component, Component]:
         """Invert `distort` by Newton's method to rounding; nan where nothing images there."""
         if self.is_identity:
             return xd, yd
         if self._untilt is not None:
             xd, yd = _homography(self._untilt, xd, yd)[:2]
-        return self._undistort_lens(xd, yd)
+        return self._undistort_lens(xd, yd, arithmetic)
 
     def _undistort_lens(
-        self, xd: NDArray[np.float64], yd: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        self, xd: Component, yd: Component, arithmetic: Arithmetic
+    ) -> tuple[Component, Component]:
+        sqrt, maximum, minimum, any_, keep = arithmetic
         limit = self.fold_radius_squared
-        shrink = np.sqrt(np.minimum(1.0, 0.8 * limit / np.maximum(xd * xd + yd * yd, 1e-300)))
-        x, y = xd * shrink, yd * shrink
-        error = np.full_like(x, np.inf)
-        with np.errstate(all='ignore'):
-            for _ in range(60):
-                fx, fy, a, b, c, d = self._lens(x, y)
-                fx, fy = xd - fx, yd - fy
-                error = np.abs(fx) + np.abs(fy)
-                determinant = a * d - b * c
-                dx, dy = (d * fx - b * fy) / determinant, (a * fy - c * fx) / determinant
+        x, y, error = xd, yd, math.inf
+        if math.isfinite(limit):
+            shrink = sqrt(minimum(1.0, 0.8 * limit / maximum(xd * xd + yd * yd, TINY)))
+            x, y = xd * shrink, yd * shrink
+        for _ in range(NEWTON_LIMIT):
+            fx, fy, a, b, c, d = self._lens(x, y)
+            fx, fy = xd - fx, yd - fy
+            error = abs(fx) + abs(fy)
+            determinant = a * d - b * c
+            dx, dy = (d * fx - b * fy) / determinant, (a * fy - c * fx) / determinant
+            if math.isfinite(limit):
                 # At most halfway to the fold: beyond it lies a second, false solution.
-                ahead = (x + dx) ** 2 + (y + dy) ** 2
-                if math.isfinite(limit) and (ahead >= limit).any():
-                    room = 0.5 * (math.sqrt(limit) - np.sqrt(x * x + y * y))
-                    scale = np.where(ahead < limit, 1.0, room / np.sqrt(dx * dx + dy * dy))
-                    dx, dy = dx * scale, dy * scale
-                x, y = x + dx, y + dy
-                step = np.abs(dx) + np.abs(dy)
-                if not (step > 1e-15 * (1.0 + np.abs(x) + np.abs(y))).any():
-                    break
-        good = error <= 1e-13 * (1.0 + np.abs(xd) + np.abs(yd))
-        return np.where(good, x, np.nan), np.where(good, y, np.nan)
+                room = 0.5 * (math.sqrt(limit) - sqrt(x * x + y * y))
+                scale = minimum(1.0, room / (sqrt(dx * dx + dy * dy) + TINY))
+                dx, dy = dx * scale, dy * scale
+            x, y = x + dx, y + dy
+            # The error falls with the square of the step, so a small step was the last.
+            if not any_(abs(dx) + abs(dy) > 1e-9):
+                break
+        good = error <= 1e-7
+        return keep(x, good, OUT_OF_FIELD), keep(y, good, OUT_OF_FIELD)
 
 
 def _fold(radial: tuple[float, ...], rational: tuple[float, ...]) -> float:

@@ -61,6 +61,19 @@ class FlatInterface:
         """The refractive index of the target's medium."""
         return self.indices[-1]
 
+    def tilted(self, first: float, second: float) -> FloatArray:
+        """Return the normal moved by two angles, rad, along the directions of `tangents`."""
+        moved = self.normal + np.array([first, second]) @ tangents(self.normal)
+        return moved / np.linalg.norm(moved)
+
+
+def tangents(normal: FloatArray) -> FloatArray:
+    """Return two unit vectors that with `normal` make an orthonormal basis, as rows of (2, 3)."""
+    aside = np.eye(3)[np.argmin(np.abs(normal))]
+    first = np.cross(normal, aside)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(normal, first)])
+
 
 def _unit(normal: ArrayLike) -> FloatArray:
     vector = np.array(normal, dtype=float)

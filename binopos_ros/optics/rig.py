@@ -2,15 +2,40 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from binopos_ros.optics.arithmetic import ARRAYS
+from binopos_ros.optics.batches import in_blocks
 from binopos_ros.optics.camera import PinholeCamera, components
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.interface import FlatInterface
-from binopos_ros.optics.stack import ParallelStack
+from binopos_ros.optics.view import View
 
 FloatArray = NDArray[np.float64]
+
+
+class Jacobians(NamedTuple):
+    """How both cameras' pixels answer to the point and to the target medium's index.
+
+    Attributes:
+        left: (N, 2) px.
+        right: (N, 2) px.
+        left_by_point: (N, 2, 3) px/m, rig frame.
+        right_by_point: (N, 2, 3) px/m.
+        left_by_index: (N, 2) px per unit of the target medium's index.
+        right_by_index: (N, 2).
+
+    """
+
+    left: FloatArray
+    right: FloatArray
+    left_by_point: FloatArray
+    right_by_point: FloatArray
+    left_by_index: FloatArray
+    right_by_index: FloatArray
 
 
 class StereoRig:
@@ -43,9 +68,36 @@ class StereoRig:
         right_port: FlatInterface | None = None,
     ) -> None:
         self.left, self.right = left, right
-        self.rotation = np.array(rotation, dtype=float)
-        self.translation = np.array(translation, dtype=float).ravel()
+        self.rotation = _rotation(rotation)
+        self.translation = _baseline(translation)
         self.interface, self.left_port, self.right_port = interface, left_port, right_port
+        self.left_view = View(left, np.eye(3), np.zeros(3), left_port, interface, 'left')
+        self.right_view = View(
+            right, self.rotation, self.translation, right_port, interface, 'right'
+        )
+        ends = {view.surfaces.indices[-1] for view in self.views if view.surfaces.indices}
+        if len(ends) > 1:
+            msg = (
+                f'the ports end in different media, of indices {sorted(ends)}; the target has one'
+            )
+            raise OpticsError(msg)
+        self.target_index = ends.pop() if ends else None
+
+    @property
+    def views(self) -> tuple[View, View]:
+        """The left and the right camera with their surfaces."""
+        return self.left_view, self.right_view
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The surfaces' parameters, in the order of `parameter_jacobian` and `perturbed`.
+
+        'target_index' first; then per surface normal.0 and normal.1 (rad, about the two directions
+        of `interface.tangents`), distance and thicknesses.i (m), indices.i. A medium that two
+        surfaces share is named once, as the farther one's.
+        """
+        left, right = (view.surfaces.seeds().names for view in self.views)
+        return tuple(dict.fromkeys(left + right))
 
     def project(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Project points of the rig frame along the bent rays.
@@ -54,42 +106,199 @@ class StereoRig:
             points: (N, 3) or (3,), m.
 
         Returns:
-            Left and right pixels, (N, 2) or (2,) each; nan where no ray exists.
+            Left and right pixels, (N, 2) or (2,) each; nan where no ray exists (`explain` says
+            why). A pixel may lie outside the image.
 
         """
         points = components(points, 3, 'points')
-        return (
-            self._view(self.left, np.eye(3), np.zeros(3), self.left_port, points),
-            self._view(self.right, self.rotation, self.translation, self.right_port, points),
+        rows = points.reshape(-1, 3)
+        pixels = np.empty((2, len(rows), 2))
+
+        def work(block: slice) -> None:
+            point = _columns(rows[block])
+            with np.errstate(all='ignore'):
+                for out, view in zip(pixels, self.views, strict=True):
+                    out[block, 0], out[block, 1] = view.pixel(point, ARRAYS)
+
+        in_blocks(work, len(rows))
+        pixels[np.isnan(pixels).any(axis=2)] = np.nan
+        left, right = pixels.reshape(2, *points.shape[:-1], 2)
+        return left, right
+
+    def explain(self, points: ArrayLike) -> NDArray[np.object_]:
+        """Return, for each point, why `project` gives nan; '' where both cameras see it.
+
+        Args:
+            points: (N, 3) or (3,), m.
+
+        Returns:
+            (N,) of str.
+
+        """
+        rows = components(points, 3, 'points').reshape(-1, 3)
+        reasons = (self.left_view.reason(row) or self.right_view.reason(row) for row in rows)
+        return np.fromiter(reasons, dtype=object, count=len(rows))
+
+    def back_project(
+        self, left_px: ArrayLike, right_px: ArrayLike
+    ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+        """Trace pixels back along the bent rays into the target's medium.
+
+        Args:
+            left_px: (N, 2) or (2,).
+            right_px: (N, 2) or (2,).
+
+        Returns:
+            For each camera the points (N, 3), m, where the rays leave the last surface (the
+            camera's centre, where there is none), and their unit directions (N, 3) from there; rig
+            frame, nan where a ray is totally reflected or does not exist.
+
+        """
+        left, right = components(left_px, 2, 'left_px'), components(right_px, 2, 'right_px')
+        return _rays(self.left_view, left), _rays(self.right_view, right)
+
+    def differentiate(self, points: ArrayLike) -> Jacobians:
+        """Project points and differentiate their pixels, analytically.
+
+        Args:
+            points: (N, 3), m.
+
+        """
+        rows = components(points, 3, 'points').reshape(-1, 3)
+        count = len(rows)
+        pixels, by_point = np.empty((2, count, 2)), np.empty((2, count, 2, 3))
+        by_index = np.empty((2, count, 2))
+
+        def work(block: slice) -> None:
+            point = _columns(rows[block])
+            with np.errstate(all='ignore'):
+                for i, view in enumerate(self.views):
+                    sight = view.sight(point, ARRAYS)
+                    pixels[i, block, 0], pixels[i, block, 1] = sight.u, sight.v
+                    for j in range(3):
+                        by_point[i, block, 0, j] = sight.u_by_point[j]
+                        by_point[i, block, 1, j] = sight.v_by_point[j]
+                    by_index[i, block, 0] = sight.u_by_index
+                    by_index[i, block, 1] = sight.v_by_index
+
+        in_blocks(work, count)
+        lost = np.isnan(pixels).any(axis=2)
+        for out in (pixels, by_point, by_index):
+            out[lost] = np.nan
+        return Jacobians(*pixels, *by_point, *by_index)
+
+    def parameter_jacobian(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Differentiate the pixels with respect to the surfaces' parameters, analytically.
+
+        Args:
+            points: (N, 3), m.
+
+        Returns:
+            Left and right, (N, 2, K) each, in px per rad, m or unit of index, in the order of
+            `parameter_names`; nan where no ray exists.
+
+        """
+        rows = components(points, 3, 'points').reshape(-1, 3)
+        names = self.parameter_names
+        both = np.zeros((2, len(rows), 2, len(names)))
+        with np.errstate(all='ignore'):
+            for out, view in zip(both, self.views, strict=True):
+                own = [names.index(name) for name in view.surfaces.seeds().names]
+                out[:, :, own] = view.parameter_jacobian(rows)
+        return both[0], both[1]
+
+    def perturbed(self, change: ArrayLike) -> StereoRig:
+        """Return the rig with its surfaces' parameters changed.
+
+        Args:
+            change: (K,) to be added, in the order of `parameter_names`.
+
+        Raises:
+            OpticsError: the changed surfaces cannot exist.
+
+        """
+        values = np.asarray(change, dtype=float)
+        names = self.parameter_names
+        if values.shape != (len(names),):
+            msg = f'the change must hold {len(names)} numbers ({", ".join(names)})'
+            raise OpticsError(msg)
+        by_name = dict(zip(names, values.tolist(), strict=True))
+        beyond_port = 'target_index' if self.interface is None else 'interface.indices.0'
+        return StereoRig(
+            self.left,
+            self.right,
+            self.rotation,
+            self.translation,
+            _changed(self.interface, 'interface', 'target_index', by_name),
+            _changed(self.left_port, 'left_port', beyond_port, by_name),
+            _changed(self.right_port, 'right_port', beyond_port, by_name),
         )
 
-    def _view(
-        self,
-        camera: PinholeCamera,
-        rotation: FloatArray,
-        translation: FloatArray,
-        port: FlatInterface | None,
-        points: FloatArray,
-    ) -> FloatArray:
-        points = points @ rotation.T + translation
-        surfaces: list[tuple[FloatArray, float, FlatInterface]] = []
-        if port is not None:
-            surfaces.append((port.normal, port.distance, port))
-        if self.interface is not None:
-            normal = rotation @ self.interface.normal
-            surfaces.append(
-                (normal, self.interface.distance + float(normal @ translation), self.interface)
-            )
-        if not surfaces:
-            return camera.project(points)
-        if len(surfaces) == 2:
-            msg = 'a port and a shared interface together are not supported yet'
+    def with_target_index(self, index: float) -> StereoRig:
+        """Return the rig with another refractive index of the target's medium.
+
+        Raises:
+            OpticsError: the rig has no surface, or the index is impossible.
+
+        """
+        if self.target_index is None:
+            msg = 'this rig looks through no surface, so it has no target medium of its own'
             raise OpticsError(msg)
-        normal, distance, surface = surfaces[0]
-        stack = ParallelStack(surface.indices, (distance, *surface.thicknesses))
-        z = points @ normal
-        across = points - z[..., None] * normal
-        with np.errstate(all='ignore'):
-            height = np.where(z > stack.depth, z - stack.depth, np.nan)
-            slope = stack.slope((across * across).sum(axis=-1), height)
-            return camera.project(normal + slope[..., None] * across)
+        change = np.zeros(len(self.parameter_names))
+        change[0] = index - self.target_index
+        return self.perturbed(change)
+
+
+def _changed(
+    surface: FlatInterface | None, label: str, beyond: str, change: dict[str, float]
+) -> FlatInterface | None:
+    if surface is None:
+        return None
+    thicknesses = [
+        t + change[f'{label}.thicknesses.{i}'] for i, t in enumerate(surface.thicknesses)
+    ]
+    indices = [n + change[f'{label}.indices.{i}'] for i, n in enumerate(surface.indices[:-1])]
+    return FlatInterface(
+        surface.tilted(change[f'{label}.normal.0'], change[f'{label}.normal.1']),
+        surface.distance + change[f'{label}.distance'],
+        [*indices, surface.target_index + change[beyond]],
+        thicknesses,
+    )
+
+
+def _rays(view: View, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    with np.errstate(all='ignore'):
+        start, direction = view.ray(pixels[..., 0], pixels[..., 1], ARRAYS)
+    starts, directions = np.stack(start, axis=-1), np.stack(direction, axis=-1)
+    lost = np.isnan(starts).any(axis=-1) | np.isnan(directions).any(axis=-1)
+    starts[lost], directions[lost] = np.nan, np.nan
+    return starts, directions
+
+
+def _columns(rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    x, y, z = np.ascontiguousarray(rows.T)
+    return x, y, z
+
+
+def _rotation(rotation: ArrayLike) -> FloatArray:
+    matrix = np.array(rotation, dtype=float)
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
+        msg = f'the rotation must be 3x3 finite numbers, not of shape {matrix.shape}'
+        raise OpticsError(msg)
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-6 or np.linalg.det(matrix) < 0.0:
+        msg = 'the rotation is not one: R R^T must be the identity and det R = 1 (to 1e-6)'
+        raise OpticsError(msg)
+    matrix.flags.writeable = False
+    return matrix
+
+
+def _baseline(translation: ArrayLike) -> FloatArray:
+    vector = np.array(translation, dtype=float).ravel()
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        msg = f'the translation must be three finite numbers, m, not {translation!r}'
+        raise OpticsError(msg)
+    if not vector.any():
+        msg = 'the translation is zero: both cameras stand in one place, so there is no depth'
+        raise OpticsError(msg)
+    vector.flags.writeable = False
+    return vector
