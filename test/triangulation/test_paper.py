@@ -1,5 +1,9 @@
 """The paper's method, mended: where it must be exact, and what it must refuse."""
 
+import importlib
+import re
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -99,7 +103,7 @@ def test_a_pair_without_a_point_has_a_reason_and_is_nan(left, right, reason):
 
 def test_total_reflection_has_a_reason():
     """Out of glass (a port bonded to the lens) into air, 60 degrees off the normal."""
-    glass = FlatInterface((0.87, 0, 0.5), 0.1, (1.5, 1.0))
+    glass = FlatInterface((0, 0.87, 0.5), 0.1, (1.5, 1.0))
     points, reasons = triangulate_paper(rig_with(glass), *rig_with(None).project([0.05, 0.0, 1.0]))
     assert reasons[0] == 'total reflection'
     assert np.isnan(points).all()
@@ -166,3 +170,17 @@ def test_frame_index_is_not_observable_in_the_plane_of_both_centres_and_the_norm
     assert all(
         reason.startswith('index not observable: target in the plane') for reason in reasons
     )
+
+
+def test_every_function_that_the_map_of_equations_names_exists():
+    page = (Path(__file__).parents[2] / 'docs' / 'paper.md').read_text()
+    rows = [row.split(' | ') for row in page.splitlines() if re.match(r'\| \d', row)]
+    numbers = {int(n) for row in rows if len(row) == 4 for n in re.findall(r'\d+', row[0])}
+    assert numbers == set(range(1, 27))
+    named = {name for row in rows if len(row) == 4 for name in re.findall(r'`([\w.]+)`', row[2])}
+    named |= set(re.findall(r'`((?:detection|smoothing)\.[\w.]+)`', page))
+    for name in named:
+        room, module, *attributes = name.split('.')
+        found = importlib.import_module(f'binopos_ros.{room}.{module}')
+        for attribute in attributes:
+            found = getattr(found, attribute)
