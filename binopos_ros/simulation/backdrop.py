@@ -168,14 +168,13 @@ def sample(texture: Image, places: NDArray[Any]) -> Image:
     # cv2.remap takes no more than 32767 rows or columns.
     columns = min(count, 16384)
     rows = -(-count // columns)
-    maps = np.zeros((2, rows * columns), np.float32)
-    maps[0, :count] = (places[:, 0] + 1) * (0.5 * (width - 1))
-    maps[1, :count] = (places[:, 1] + 1) * (0.5 * (height - 1))
+    maps = []
+    for place, extent in zip(places.T, (width, height), strict=True):
+        padded = np.zeros(rows * columns, np.float32)
+        padded[:count] = (place + 1) * (0.5 * (extent - 1))
+        maps.append(padded.reshape(rows, columns))
     values = cv2.remap(
-        texture,
-        *maps.reshape(2, rows, columns),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REFLECT_101,
+        texture, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101
     )
     return np.asarray(values, np.float32).reshape(-1, 3)[:count]
 
