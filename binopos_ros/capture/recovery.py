@@ -1,0 +1,272 @@
+"""A camera that comes back: frames without end, whatever happens to the device.
+
+    closed -> open -> streaming -> lost -> (a pause) -> open -> ...
+
+Losing a camera (unplugged, frozen, busy, broken) is an everyday event here, not an exception: it
+is told by `health`, and the same camera is opened again wherever it turns up. Pauses between the
+tries grow, and begin small again once it has streamed for a while.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from binopos_ros.capture import usb
+from binopos_ros.capture.controls import Control, in_order_of_setting
+from binopos_ros.capture.errors import FAILED, FROZEN, GONE, CaptureError
+from binopos_ros.capture.identity import Identity, find_again
+from binopos_ros.capture.kernel import Kernel
+from binopos_ros.capture.stream import Frame
+from binopos_ros.capture.usb import Camera
+from binopos_ros.capture.v4l2 import Device, Format
+
+CLOSED, WAITING, STREAMING, LOST = STATES = ('closed', 'waiting', 'streaming', 'lost')
+
+FIRST_PAUSE = 0.1
+LONGEST_PAUSE = {GONE: 0.4}
+"""An absent camera is looked for in sysfs, which costs next to nothing."""
+LONGEST_PAUSE_ELSE = 1.0
+STEADY = 5.0
+"""Seconds of streaming after which the next loss begins with the smallest pause again."""
+FAILURES_BEFORE_RESET = 3
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """How a camera is to be set up.
+
+    :param frame_rate: 1/s; 0 takes what it is set to.
+    :param frame_timeout: s without a good frame after which the camera counts as frozen.
+    :param usb_reset: whether a camera that stays frozen may be reset, as the last resort.
+    """
+
+    pixel_format: str
+    width: int
+    height: int
+    frame_rate: float = 0.0
+    frame_timeout: float = 1.0
+    usb_reset: bool = False
+
+
+@dataclass
+class Health:
+    """How a camera fares, for diagnostics.
+
+    :ivar trouble: what is wrong, in one line; '' while it streams.
+    :ivar notice: something to know though it streams ('moved to another port'); '' if nothing.
+    :ivar good: frames handed on; `lost`: left out by the driver; `corrupt`: dropped as damaged.
+    :ivar losses: how often the camera was lost, by cause.
+    :ivar outage: s from the last loss to the first good frame after it.
+    :ivar recovery: s from when the camera was seen again to that frame.
+    """
+
+    state: str = CLOSED
+    trouble: str = ''
+    notice: str = ''
+    good: int = 0
+    lost: int = 0
+    corrupt: int = 0
+    losses: Counter[str] = field(default_factory=Counter)
+    resets: int = 0
+    outage: float = 0.0
+    recovery: float = 0.0
+    format: Format | None = None
+    camera: Camera | None = None
+
+
+class SteadyCamera:
+    """Opens a camera by name, streams from it, and opens it again when it is lost.
+
+    :param name: as `usb.choose` takes it.
+    :param controls: values to set each time it is opened, by the control's name.
+    :param taken: nodes that other cameras of this process hold.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        wanted: Wanted,
+        *,
+        controls: dict[str, int | str] | None = None,
+        taken: Callable[[], Iterable[str]] = tuple,
+        kernel: Kernel | None = None,
+        look: Callable[[], list[Camera]] = usb.find_cameras,
+        reset: Callable[[Camera], None] = usb.reset,
+    ) -> None:
+        self.name = name
+        self.wanted = wanted
+        self.health = Health()
+        self.identity: Identity | None = None
+        self.controls: dict[str, Control] = {}
+        self._settings = dict(controls or {})
+        self._taken = taken
+        self._kernel = kernel
+        self._look = look
+        self._reset = reset
+        self._device: Device | None = None
+        self._lock = threading.RLock()
+        self._stopping = threading.Event()
+        self._lost_at: float | None = None
+        self._seen_at: float | None = None
+        self._failures = 0
+
+    def check(self) -> None:
+        """Open the camera and set it up once, to know at the start whether that is possible.
+
+        :raises CaptureError: as opening does; a cause of `INVALID` will not mend itself.
+        """
+        with self._opened():
+            pass
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield good frames until `stop`, over every loss of the camera.
+
+        A frame's bytes are valid until the next one is asked for.
+        """
+        self._stopping.clear()
+        pause = FIRST_PAUSE
+        while not self._stopping.is_set():
+            began = time.monotonic()
+            try:
+                with self._opened() as device:
+                    yield from self._stream(device)
+            except CaptureError as error:
+                if time.monotonic() - began > STEADY:
+                    pause = FIRST_PAUSE
+                self._note_loss(error)
+                self._stopping.wait(pause)
+                pause = min(2.0 * pause, LONGEST_PAUSE.get(error.cause, LONGEST_PAUSE_ELSE))
+        self.health.state = CLOSED
+
+    def stop(self) -> None:
+        """End `frames` within a tenth of a second."""
+        self._stopping.set()
+
+    def set_control(self, name: str, value: int | str) -> None:
+        """Set a control now, if the camera is there, and whenever it is opened.
+
+        :raises CaptureError: where the camera refuses; then the value is not kept.
+        """
+        with self._lock:
+            if self._device is not None:
+                self._device.set(name, value)
+            self._settings[name] = value
+
+    def leave_control(self, name: str) -> None:
+        """Set a control no more when the camera is opened."""
+        with self._lock:
+            self._settings.pop(name, None)
+
+    def get_control(self, name: str) -> int | str | None:
+        """Read a control; None while the camera is not there.
+
+        :raises CaptureError: where it has no such control.
+        """
+        with self._lock:
+            return self._device.get(name) if self._device is not None else None
+
+    @contextmanager
+    def _opened(self) -> Iterator[Device]:
+        camera = self._find()
+        device = Device(camera.node, self._kernel)
+        try:
+            with self._lock:
+                self._device, self.controls = device, device.controls
+                self.health.camera = camera
+                wanted = self.wanted
+                self.health.format = device.set_format(
+                    wanted.pixel_format, wanted.width, wanted.height, wanted.frame_rate
+                )
+                for name in in_order_of_setting(device.controls, list(self._settings)):
+                    device.set(name, self._settings[name])
+            yield device
+        finally:
+            with self._lock:
+                self._device = None
+                device.close()
+
+    def _find(self) -> Camera:
+        cameras = self._look()
+        if self.identity is None:
+            camera = usb.choose(self.name, cameras)
+        else:
+            again = find_again(self.identity, cameras, self._taken())
+            if again is None:
+                raise CaptureError(self._absent(cameras), GONE)
+            camera = again
+        if camera.node in self._taken():
+            message = f'camera {self.name!r} is {camera}, which the other side has; name another'
+            raise CaptureError(message)
+        if self._seen_at is None:
+            self._seen_at = time.monotonic()
+        if self.identity is not None and camera.port != self.identity.port:
+            self.health.notice = f'moved from USB port {self.identity.port} to {camera.port}'
+        self.identity = Identity.of(camera, cameras)
+        return camera
+
+    def _absent(self, cameras: list[Camera]) -> str:
+        assert self.identity is not None
+        message = f'camera {self.name!r} ({self.health.camera}) is unplugged; plug it in again'
+        if not self.identity.port:
+            return message
+        instead = next((one for one in cameras if one.port == self.identity.port), None)
+        if instead is None:
+            return message
+        return f'{message}, where there is {instead} now: have left and right been exchanged?'
+
+    def _stream(self, device: Device) -> Iterator[Frame]:
+        timeout = self.wanted.frame_timeout
+        with device.stream(timeout=timeout, interrupted=self._stopping.is_set) as stream:
+            good_at = time.monotonic()
+            for frame in stream:
+                self.health.lost += frame.lost
+                if not frame.corrupt and len(frame.data):
+                    good_at = time.monotonic()
+                    self._note_good()
+                    yield frame
+                    continue
+                self.health.corrupt += 1
+                if time.monotonic() - good_at > timeout:
+                    message = f'{device.path}: only damaged frames for {timeout:g} s'
+                    raise CaptureError(message, FROZEN)
+
+    def _note_good(self) -> None:
+        health = self.health
+        health.good += 1
+        if health.state == STREAMING:
+            return
+        now = time.monotonic()
+        if self._lost_at is not None:
+            health.outage = now - self._lost_at
+            health.recovery = now - (self._seen_at or now)
+        self._lost_at = None
+        self._failures = 0
+        health.state, health.trouble = STREAMING, ''
+
+    def _note_loss(self, error: CaptureError) -> None:
+        health = self.health
+        if health.state == STREAMING:
+            health.losses[error.cause] += 1
+            self._lost_at = time.monotonic()
+            health.notice = ''
+        if health.state == STREAMING or error.cause == GONE:
+            self._seen_at = None
+        health.state = LOST if health.good else WAITING
+        health.trouble = str(error)
+        self._failures = self._failures + 1 if error.cause in (FROZEN, FAILED) else 0
+        if self.wanted.usb_reset and self._failures >= FAILURES_BEFORE_RESET:
+            self._failures = 0
+            self._try_reset()
+
+    def _try_reset(self) -> None:
+        assert self.health.camera is not None
+        try:
+            self._reset(self.health.camera)
+            self.health.resets += 1
+        except CaptureError as error:
+            self.health.trouble = str(error)
