@@ -8,6 +8,15 @@ from binopos_ros.smoothing.base import Filter
 from binopos_ros.smoothing.cloud_kalman import CloudKalmanFilter
 from binopos_ros.smoothing.errors import SmoothingError
 from binopos_ros.smoothing.kalman import KalmanFilter
+from binopos_ros.smoothing.opponents.bp_kalman import BackPropagationKalmanFilter
+from binopos_ros.smoothing.opponents.coloured import ColouredNoiseFilter
+from binopos_ros.smoothing.opponents.huber import HuberKalmanFilter
+from binopos_ros.smoothing.opponents.median import MovingMedian
+from binopos_ros.smoothing.opponents.multiple_models import MultipleModelsFilter
+from binopos_ros.smoothing.opponents.random_walk import RandomWalkKalmanFilter
+from binopos_ros.smoothing.opponents.sage_husa import SageHusaFilter
+from binopos_ros.smoothing.opponents.student_t import StudentTFilter
+from binopos_ros.smoothing.opponents.variational_bayes import VariationalBayesFilter
 from binopos_ros.smoothing.paper import PaperCloudKalmanFilter
 from binopos_ros.smoothing.unfiltered import NoFilter
 
@@ -19,6 +28,15 @@ FILTERS: dict[str, type[Filter[Any]]] = {
         PaperCloudKalmanFilter,
         KalmanFilter,
         NoFilter,
+        RandomWalkKalmanFilter,
+        SageHusaFilter,
+        BackPropagationKalmanFilter,
+        HuberKalmanFilter,
+        StudentTFilter,
+        VariationalBayesFilter,
+        MultipleModelsFilter,
+        ColouredNoiseFilter,
+        MovingMedian,
     )
 }
 

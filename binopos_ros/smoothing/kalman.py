@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.motion import transition, white_acceleration
-from binopos_ros.smoothing.options import Options, option
-from binopos_ros.smoothing.tuned import TUNED
+from binopos_ros.smoothing.options import Options, option, tuned_options
 
 Array = NDArray[np.float64]
 _EYE3 = np.eye(3)
@@ -54,18 +53,12 @@ class MeasurementOptions(Options):
         return Gaussian(np.concatenate([position, np.zeros(3)]), spread)
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@tuned_options('kalman')
 class KalmanOptions(MeasurementOptions):
     """Options of the constant-velocity Kalman filter."""
 
-    measurement_scale: float = option(
-        TUNED['kalman']['measurement_scale'], 'factor on the measured covariance', '', (1e-3, 1e6)
-    )
-    measurement_std: float = option(
-        TUNED['kalman']['measurement_std'], 'deviation added in every direction', 'm', (0.0, 10.0)
-    )
     acceleration_density: float = option(
-        TUNED['kalman']['acceleration_density'],
+        1e-2,
         'power density of the white acceleration that drives the target',
         'm^2/s^3',
         (0.0, 1e6),

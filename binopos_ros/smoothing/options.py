@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from binopos_ros.smoothing.errors import SmoothingError
+from binopos_ros.smoothing.tuned import TUNED
 
 OptionsT = TypeVar('OptionsT', bound='Options')
 
@@ -60,6 +61,26 @@ class Options:
     def __post_init__(self) -> None:
         for item in dataclasses.fields(self):
             _check(item, getattr(self, item.name))
+
+
+def tuned_options(filter_name: str) -> Callable[[type[OptionsT]], type[OptionsT]]:
+    """Return the decorator of a filter's options: a frozen dataclass with the tuned defaults.
+
+    A tuned option may be inherited; its description, unit and range are then inherited too.
+    """
+
+    def apply(cls: type[OptionsT]) -> type[OptionsT]:
+        inherited = {item.name: item for item in dataclasses.fields(cls)}
+        for name, value in TUNED.get(filter_name, {}).items():
+            source = cls.__dict__.get(name, inherited.get(name))
+            if source is None:
+                msg = f'tuned.py names the unknown option {name!r} of {filter_name}'
+                raise SmoothingError(msg)
+            cls.__annotations__.setdefault(name, type(value))
+            setattr(cls, name, dataclasses.field(default=value, metadata=source.metadata))
+        return dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+
+    return apply
 
 
 def build(cls: type[OptionsT], filter_name: str, values: Mapping[str, Any]) -> OptionsT:

@@ -8,7 +8,6 @@ the mean of the positions so far, which explains the paper's Table 6.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable
 from typing import ClassVar, NamedTuple
 
@@ -18,13 +17,13 @@ from numpy.typing import NDArray
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.cloud import SlidingCloud, certainty
 from binopos_ros.smoothing.kalman import Gaussian, KalmanOptions, estimate, predict, update
-from binopos_ros.smoothing.options import Options, option
+from binopos_ros.smoothing.options import Options, option, tuned_options
 from binopos_ros.smoothing.state import FilterState
 
 Array = NDArray[np.float64]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@tuned_options('cloud-kalman-paper')
 class PaperCloudKalmanOptions(KalmanOptions):
     """Options of the paper's variant."""
 

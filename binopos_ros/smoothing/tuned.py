@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-TUNED: dict[str, dict[str, float]] = {
-    'kalman': {
-        'measurement_scale': 1.0,
-        'measurement_std': 0.005,
-        'acceleration_density': 0.05,
-    },
-}
+TUNED: dict[str, dict[str, float]] = {'kalman': {'acceleration_density': 0.0002166,
+            'measurement_scale': 11.04,
+            'measurement_std': 0.003462}}
