@@ -11,8 +11,8 @@ squares (B. Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,6 +24,7 @@ HUBER = 2.5  # standard deviations of the 2-D residual; 4 % of clean points lie 
 REJECT = 4.5  # one clean point in 25000 lies beyond
 STEPS = 60
 CONVERGED = 1e-9  # relative decrease of the cost
+HELD = 1e15  # rad^-2, information that holds an orientation
 LEAST_SIGMA = 1e-4  # px; below it the data are synthetic and exact
 
 
@@ -35,11 +36,13 @@ class View:
         name: what the user calls it (the file's or message's name).
         points: (N, 3) in the board frame (m).
         pixels: per camera (N, 2), nan where that camera does not see the point.
+        turns: whether the orientation is unknown; a ball has none.
     """
 
     name: str
     points: np.ndarray
     pixels: tuple[np.ndarray, ...]
+    turns: bool = True
 
 
 @dataclass(frozen=True)
@@ -99,11 +102,8 @@ class _Normal:
     pose: np.ndarray
     pose_right: np.ndarray
     coupling: np.ndarray
-    cost: float = 0.0
-    residuals: list[list[np.ndarray]] = field(default_factory=list)
-
-
-Weigh = Callable[[int, int, np.ndarray], np.ndarray]
+    residuals: np.ndarray
+    cost: float
 
 
 def adjust(
@@ -205,7 +205,7 @@ class _Batch:
         sigma: float,
         prior: Prior | None,
     ) -> _Normal:
-        """The normal equations at `state`; .residuals holds (count, 2)."""
+        """The normal equations at `state`, with the residuals (count, 2) and the cost."""
         n, m = int(free.sum()), len(poses)
         normal = _Normal(
             np.zeros((n, n)),
@@ -213,6 +213,8 @@ class _Batch:
             np.zeros((m, 6, 6)),
             np.zeros((m, 6)),
             np.zeros((m, 6, n)),
+            np.zeros((0, 2)),
+            0.0,
         )
         rotations = np.array([pose.rotation for pose in poses])
         translations = np.array([pose.translation for pose in poses])
@@ -240,39 +242,18 @@ class _Batch:
                 normal.pose[view] += own.T @ own_weighted
                 normal.pose_right[view] += own_weighted.T @ residual[span].ravel()
                 normal.coupling[view] += own_weighted.T @ by_rig[2 * first_row : 2 * end_row]
+        for view, one in enumerate(self.views):
+            if not one.turns:
+                normal.pose[view, :3, :3] += HELD * np.eye(3)
         if prior is not None:
             change = state.minus(prior.state)
             normal.rig += prior.information[np.ix_(free, free)]
             normal.rig_right -= (prior.information @ change)[free]
             normal.cost += prior.cost(state)
-        normal.residuals = [residuals]
+        normal.residuals = np.concatenate(residuals)
         if not np.isfinite(normal.cost):
             normal.cost = np.inf
         return normal
-
-    def cost(
-        self,
-        state: RigState,
-        poses: Sequence[Pose],
-        weights: np.ndarray,
-        sigma: float,
-        prior: Prior | None,
-    ) -> tuple[float, np.ndarray]:
-        """The cost and the residuals (count, 2)."""
-        residuals = []
-        for side in range(self.cameras):
-            owner = self.owner[side]
-            points = np.concatenate(
-                [
-                    pose.apply(self.points[side][slice(*np.searchsorted(owner, [i, i + 1]))])
-                    for i, pose in enumerate(poses)
-                ]
-            )
-            residuals.append(self.pixels[side] - project(state, side, points).pixels)
-        residual = np.concatenate(residuals)
-        cost = float(weights @ np.sum(residual**2, axis=1)) / sigma**2
-        cost += prior.cost(state) if prior is not None else 0.0
-        return (cost if np.isfinite(cost) else np.inf), residual
 
     def split(
         self, values: np.ndarray, fill: float = np.nan
@@ -308,7 +289,6 @@ def _descend(
             'the first guess sees no board: a view lies behind the camera or before the '
             'interface; check the board size and the distance given for the interface'
         )
-    residual = np.concatenate(normal.residuals[0])
     for _ in range(STEPS):
         reduced, right, gain = _reduced(normal, damping)
         step = np.linalg.lstsq(reduced, right, rcond=None)[0] if len(right) else right
@@ -328,26 +308,26 @@ def _descend(
             Pose(exponential(d[:3]) @ pose.rotation, pose.translation + d[3:])
             for pose, d in zip(current, pose_step, strict=True)
         ]
-        cost, trial_residual = batch.cost(trial, trial_poses, weights, sigma, prior)
-        if cost < normal.cost:
-            decrease = (normal.cost - cost) / max(normal.cost, 1e-300)
-            state, current, residual = trial, trial_poses, trial_residual
-            if decrease < CONVERGED or cost < 1e-12 * batch.count:
+        ahead = batch.normal(trial, trial_poses, free, weights, sigma, prior)
+        if ahead.cost < normal.cost:
+            decrease = (normal.cost - ahead.cost) / max(normal.cost, 1e-300)
+            state, current, normal = trial, trial_poses, ahead
+            if decrease < CONVERGED or normal.cost < 1e-12 * batch.count:
                 break
-            normal = batch.normal(state, current, free, weights, sigma, prior)
             damping = max(damping * 0.1, 1e-12)
         else:
             damping *= 10.0
             if damping > 1e12:
                 break
-    return state, current, residual
+    return state, current, normal.residuals
 
 
 def _reduced(normal: _Normal, damping: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The rig's equations with the poses eliminated, and the poses' inverses."""
     pose = normal.pose.copy()
     diagonal = np.einsum('mii->mi', pose)
-    pose[:, range(6), range(6)] += damping * diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True)
+    # A hair of stiffness for what a view leaves open, as the turn of a rod about itself.
+    pose[:, range(6), range(6)] += damping * diagonal + 1e-12 * np.maximum(diagonal, 1.0)
     gain = np.linalg.inv(pose)
     carried = np.einsum('mij,mjk->mik', gain, normal.coupling)
     rig = normal.rig + damping * np.diag(np.diag(normal.rig))

@@ -137,8 +137,8 @@ def _refuse_swapped(rotation: np.ndarray, translation: np.ndarray) -> None:
     if position[0] < 0 and abs(position[0]) > abs(position[1]):
         raise CalibrationError(
             f"left and right are swapped: the 'right' camera stands {-1000 * position[0]:.0f} mm "
-            "to the left of the 'left' one; swap the two picture sources (or switch off the mirror "
-            'mode, if both cameras have it on)'
+            "to the left of the 'left' one; swap the two sources, or switch off the mirror mode "
+            'if both cameras have it on'
         )
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from binopos_ros.optics.arithmetic import ARRAYS
 from binopos_ros.optics.stack import ParallelStack
 
 
@@ -68,7 +69,7 @@ def apparent_points(
 
     stack = ParallelStack(tuple(index), (distance, *thicknesses))
     with np.errstate(all='ignore'):
-        tangent = r * stack.slope(r * r, layers[:, -1])
+        tangent = r * stack.slope(r * r, layers[:, -1], ARRAYS)
     s = index[0] * tangent / np.sqrt(1.0 + tangent**2)
     cosine = np.sqrt(index**2 - s[:, None] ** 2)
     gain = np.sum(layers / cosine, axis=1)

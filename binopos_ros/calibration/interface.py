@@ -1,0 +1,332 @@
+"""The water's surface or the ports, from what the rig sees through them.
+
+`binopos calibrate interface`. The cameras are known from air, with their covariance; unknown are
+each interface's normal, distance, indices and thicknesses, and the pose of every board. What was
+measured by hand enters as a prior with its standard deviation, so that a ruler, a caliper and
+pictures mix as they should, and nothing has to be held at a value that is not exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from binopos_ros.calibration.adjust import Adjustment, Prior, View, adjust
+from binopos_ros.calibration.covariance import ParameterCovariance
+from binopos_ros.calibration.errors import CalibrationError
+from binopos_ros.calibration.projection import Pose
+from binopos_ros.calibration.start import guess_pose
+from binopos_ros.calibration.state import (
+    LEFT,
+    LEFT_PORT,
+    RIGHT,
+    RIGHT_PORT,
+    SHARED,
+    Camera,
+    RigState,
+)
+from binopos_ros.optics import FlatInterface
+
+#: Where nothing was measured: standard deviations so wide that the pictures decide.
+UNKNOWN_NORMAL = 0.5  # rad
+UNKNOWN_DISTANCE = 10.0  # m
+UNKNOWN_INDEX = 0.1
+TIE = 1e-6  # two ports look into the same water: standard deviation of their indices' difference
+FEWEST_VIEWS = 1
+#: First guesses of an unknown distance, as parts of the way to the nearest board.
+FRACTIONS = (0.5, 0.15, 0.85)
+
+
+@dataclass(frozen=True)
+class InterfaceGuess:
+    """What is known of an interface beforehand.
+
+    Attributes:
+        place: 'interface' (shared, rig frame), 'left_port' or 'right_port' (own camera's frame).
+        indices: of the media, camera side first; the first is exact.
+        thicknesses: of the layers in between (m).
+        distance: to the first surface (m), None where unknown.
+        normal: from the cameras into the target's medium.
+        deviations: standard deviations of what was measured: keys 'normal' (rad), 'distance' (m),
+            'indices.1' ..., 'thicknesses.0' ... (m); what is not named takes `UNKNOWN_*`, or for
+            thicknesses and inner indices 1 %.
+    """
+
+    place: str
+    indices: tuple[float, ...]
+    thicknesses: tuple[float, ...] = ()
+    distance: float | None = None
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    deviations: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.place not in (SHARED, LEFT_PORT, RIGHT_PORT):
+            raise CalibrationError(
+                f"place {self.place!r}: '{SHARED}', '{LEFT_PORT}' or '{RIGHT_PORT}'"
+            )
+        known = {'normal', 'distance'}
+        known |= {f'indices.{i}' for i in range(1, len(self.indices))}
+        known |= {f'thicknesses.{i}' for i in range(len(self.thicknesses))}
+        for name, deviation in self.deviations.items():
+            if name not in known:
+                raise CalibrationError(
+                    f'{self.place} has no {name!r}: choose from {", ".join(sorted(known))}'
+                )
+            if not deviation > 0:
+                raise CalibrationError(
+                    f'{self.place}.{name}: standard deviation {deviation:g}: it must be above 0'
+                )
+
+    def interface(self, distance: float) -> FlatInterface:
+        """The interface at this guess."""
+        return FlatInterface(self.normal, distance, self.indices, self.thicknesses)
+
+    def deviation(self, name: str) -> float:
+        """The prior's standard deviation of one of this interface's parameters."""
+        if name.startswith('normal'):
+            return self.deviations.get('normal', UNKNOWN_NORMAL)
+        if name in self.deviations:
+            return self.deviations[name]
+        if name == 'distance':
+            return UNKNOWN_DISTANCE
+        kind, number = name.split('.')
+        if kind == 'thicknesses':
+            return 0.01 * self.thicknesses[int(number)]
+        last = int(number) == len(self.indices) - 1
+        return UNKNOWN_INDEX if last else 0.01
+
+
+@dataclass(frozen=True)
+class InterfaceCalibration:
+    """What `calibrate_interface` found.
+
+    Attributes:
+        state: cameras and interfaces.
+        covariance: (P, P) of all parameters of `state`, the cameras' included.
+        prior: standard deviations beforehand, by name.
+        adjustment: None where there were no views and the priors are all there is.
+        views: those used.
+    """
+
+    state: RigState
+    covariance: np.ndarray
+    prior: dict[str, float]
+    adjustment: Adjustment | None
+    views: tuple[View, ...]
+
+    def deviation(self, name: str) -> float:
+        """The standard deviation of one parameter."""
+        place = self.state.names.index(name)
+        return float(np.sqrt(self.covariance[place, place]))
+
+    @property
+    def interface_names(self) -> list[str]:
+        """The names of the interfaces' parameters."""
+        return [name for name in self.state.names if name in self.prior]
+
+
+def calibrate_interface(
+    air: RigState,
+    views: Sequence[View],
+    guesses: Sequence[InterfaceGuess],
+    air_covariance: ParameterCovariance | None = None,
+    free_cameras: bool = False,
+    sigma: float | None = None,
+    robust: bool = True,
+) -> InterfaceCalibration:
+    """Calibrate the interfaces of a rig.
+
+    Args:
+        air: the rig as calibrated in air, without interfaces.
+        views: of boards or balls beyond the interface.
+        guesses: one shared surface, or a port for each camera.
+        air_covariance: of the cameras' parameters; None takes them as exact.
+        free_cameras: estimate the cameras' parameters without any prior (a rig that was never in
+            air; needs points spread over the whole volume).
+        sigma: standard deviation of a pixel coordinate (px); None estimates it.
+        robust: reject outlying points.
+
+    Raises:
+        CalibrationError: no guess, views that no such interface explains, or nothing known at all.
+    """
+    _check_places(guesses)
+    if not views:
+        return _ruler_only(air, guesses, air_covariance)
+    straight = _straight_poses(air, views)
+    nearest = min(
+        float(np.min(pose.apply(view.points)[:, 2]))
+        for pose, view in zip(straight, views, strict=True)
+    )
+    best, prior = _best_start(air, views, straight, nearest, guesses, air_covariance, free_cameras)
+    fit = adjust(best.state, best.poses, views, best.free, prior, robust=robust, sigma=sigma)
+    state = _same_water(fit.state)
+    return InterfaceCalibration(
+        state, fit.covariance, _prior_deviations(state, guesses), fit, tuple(views)
+    )
+
+
+def _best_start(
+    air: RigState,
+    views: Sequence[View],
+    straight: Sequence[Pose],
+    nearest: float,
+    guesses: Sequence[InterfaceGuess],
+    air_covariance: ParameterCovariance | None,
+    free_cameras: bool,
+) -> tuple[Adjustment, Prior]:
+    """Of several first distances, the one from which the pictures are explained best."""
+    best: tuple[Adjustment, Prior] | None = None
+    trouble = ''
+    for fraction in FRACTIONS:
+        interfaces = {
+            guess.place: guess.interface(_first_distance(guess, fraction * nearest))
+            for guess in guesses
+        }
+        start = replace(air, interfaces=interfaces)
+        poses = [_sunk(pose, view, start) for pose, view in zip(straight, views, strict=True)]
+        free, prior = _unknowns(start, guesses, air_covariance, free_cameras)
+        try:
+            fit = adjust(start, poses, views, free, prior, robust=False, sigma=1.0)
+        except ValueError as error:
+            trouble = str(error)
+            continue
+        if best is None or fit.rms() < 0.999 * best[0].rms():
+            best = fit, prior
+    if best is None:
+        raise CalibrationError(f'no such interface explains the views: {trouble}')
+    return best
+
+
+def _same_water(state: RigState) -> RigState:
+    """Two ports with exactly one index behind them; the adjustment ties them to rounding."""
+    if len(state.interfaces) < 2:
+        return state
+    index = float(np.mean([one.indices[-1] for one in state.interfaces.values()]))
+    interfaces = {
+        place: FlatInterface(one.normal, one.distance, (*one.indices[:-1], index), one.thicknesses)
+        for place, one in state.interfaces.items()
+    }
+    return replace(state, interfaces=interfaces)
+
+
+def _check_places(guesses: Sequence[InterfaceGuess]) -> None:
+    places = sorted(guess.place for guess in guesses)
+    if places not in ([SHARED], [LEFT_PORT, RIGHT_PORT], [LEFT_PORT], [RIGHT_PORT]):
+        raise CalibrationError(
+            f'interfaces {places}: give one shared surface, or a port for each camera'
+        )
+
+
+def _unknowns(
+    start: RigState,
+    guesses: Sequence[InterfaceGuess],
+    air_covariance: ParameterCovariance | None,
+    free_cameras: bool,
+) -> tuple[np.ndarray, Prior]:
+    """Which parameters are free, and what is known of them."""
+    names = start.names
+    own = np.array([name.split('.')[0] in start.interfaces for name in names])
+    free = own.copy()
+    information = np.zeros((len(names), len(names)))
+    if free_cameras:
+        free[:] = True
+    elif air_covariance is not None:
+        cameras = np.flatnonzero(~own)
+        covariance = air_covariance.ordered([names[i] for i in cameras])
+        known = np.diag(covariance) > 0
+        cameras, covariance = cameras[known], covariance[np.ix_(known, known)]
+        scale = np.sqrt(np.diag(covariance))
+        inverse = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)
+        information[np.ix_(cameras, cameras)] = inverse / np.outer(scale, scale)
+        free[cameras] = True
+    for guess in guesses:
+        for i, name in enumerate(names):
+            place, _, parameter = name.partition('.')
+            if place == guess.place and not (parameter == 'distance' and guess.distance is None):
+                information[i, i] += guess.deviation(parameter) ** -2
+    lasts = [names.index(f'{g.place}.indices.{len(g.indices) - 1}') for g in guesses]
+    if len(lasts) == 2:
+        # The same water behind both ports.
+        information[np.ix_(lasts, lasts)] += TIE**-2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return free, Prior(start, information)
+
+
+def _prior_deviations(state: RigState, guesses: Sequence[InterfaceGuess]) -> dict[str, float]:
+    return {
+        name: guess.deviation(name.partition('.')[2])
+        for guess in guesses
+        for name in state.names
+        if name.partition('.')[0] == guess.place
+    }
+
+
+def _ruler_only(
+    air: RigState,
+    guesses: Sequence[InterfaceGuess],
+    air_covariance: ParameterCovariance | None,
+) -> InterfaceCalibration:
+    interfaces = {}
+    for guess in guesses:
+        if guess.distance is None:
+            raise CalibrationError(
+                f"without pictures the {guess.place}'s distance must be measured by hand: "
+                '--prior distance=0.80,0.005 (value and standard deviation in metres)'
+            )
+        interfaces[guess.place] = guess.interface(guess.distance)
+    state = replace(air, interfaces=interfaces)
+    prior = _prior_deviations(state, guesses)
+    covariance = np.diag([prior.get(name, 0.0) ** 2 for name in state.names])
+    if air_covariance is not None:
+        covariance += air_covariance.ordered(
+            [name if name not in prior else '' for name in state.names]
+        )
+    return InterfaceCalibration(state, covariance, prior, None, ())
+
+
+def _first_distance(guess: InterfaceGuess, otherwise: float) -> float:
+    return guess.distance if guess.distance is not None else otherwise
+
+
+def _straight_poses(air: RigState, views: Sequence[View]) -> list[Pose]:
+    """Board poses in the rig frame as if there were no interface."""
+    poses = []
+    for view in views:
+        pose = _straight_pose(air.cameras[LEFT], view, LEFT)
+        if pose is None and len(air.cameras) == 2:
+            pose = _straight_pose(air.cameras[RIGHT], view, RIGHT)
+            if pose is not None:
+                back = air.rotation.T
+                pose = Pose(back @ pose.rotation, back @ (pose.translation - air.translation))
+        if pose is None:
+            raise CalibrationError(f'{view.name}: the points seen give no pose of the target')
+        poses.append(pose)
+    return poses
+
+
+def _straight_pose(camera: Camera, view: View, side: int) -> Pose | None:
+    if view.turns:
+        return guess_pose(camera, view.points, view.pixels[side])
+    seen = np.isfinite(view.pixels[side]).all(axis=1)
+    if seen.sum() < 3:
+        return None
+    rays = camera.pinhole().unproject(view.pixels[side][seen])
+    points = view.points[seen]
+    wide = np.linalg.norm(points - points.mean(axis=0), axis=1).mean()
+    angle = np.linalg.norm(rays - rays.mean(axis=0), axis=1).mean()
+    return Pose(np.eye(3), rays.mean(axis=0) * wide / angle - points.mean(axis=0))
+
+
+def _sunk(pose: Pose, view: View, state: RigState) -> Pose:
+    """Push a board to the depth at which it would look as near as it does, and behind the
+    interface."""
+    interface = next(iter(state.interfaces.values()))
+    normal = np.asarray(interface.normal)
+    ratio = interface.indices[-1] / interface.indices[0]
+    surface = interface.distance + sum(interface.thicknesses)
+    height = pose.apply(view.points) @ normal
+    middle = float(height.mean())
+    target = surface + max(middle - surface, 0.0) * ratio
+    shortfall = surface + 0.02 * middle - (target - middle + float(height.min()))
+    return Pose(pose.rotation, pose.translation + (target - middle + max(shortfall, 0.0)) * normal)
