@@ -173,7 +173,8 @@ def write_control(
 
 def in_order_of_setting(controls: dict[str, Control], names: list[str]) -> list[str]:
     """Put the switches before the values: an automatic locks the value that it drives."""
-    return sorted(names, key=lambda name: controls[name].kind not in ('menu', 'boolean'))
+    switches = {name for name, one in controls.items() if one.kind in ('menu', 'boolean')}
+    return sorted(names, key=lambda name: name not in switches)
 
 
 def _unsigned(bits: int) -> int:

@@ -28,9 +28,9 @@ from binopos_ros.capture.v4l2 import Device, Format
 CLOSED, WAITING, STREAMING, LOST = STATES = ('closed', 'waiting', 'streaming', 'lost')
 
 FIRST_PAUSE = 0.1
-LONGEST_PAUSE = {GONE: 0.4}
-"""An absent camera is looked for in sysfs, which costs next to nothing."""
-LONGEST_PAUSE_ELSE = 1.0
+LONGEST_PAUSE = 1.0
+LONGEST_PAUSE_WHILE_GONE = 0.4
+"""An absent camera is only looked for in sysfs, which costs next to nothing."""
 STEADY = 5.0
 """Seconds of streaming after which the next loss begins with the smallest pause again."""
 FAILURES_BEFORE_RESET = 3
@@ -77,6 +77,22 @@ class Health:
     recovery: float = 0.0
     format: Format | None = None
     camera: Camera | None = None
+
+
+class Pauses:
+    """How long to wait before the next try: twice as long after each that failed."""
+
+    def __init__(self) -> None:
+        self._next = FIRST_PAUSE
+
+    def after(self, cause: str, lasted: float) -> float:
+        """The pause (s) after a loss, the camera having been open for `lasted` s."""
+        if lasted > STEADY:
+            self._next = FIRST_PAUSE
+        longest = LONGEST_PAUSE_WHILE_GONE if cause == GONE else LONGEST_PAUSE
+        pause = min(self._next, longest)
+        self._next = min(2.0 * self._next, LONGEST_PAUSE)
+        return pause
 
 
 class SteadyCamera:
@@ -129,18 +145,15 @@ class SteadyCamera:
         A frame's bytes are valid until the next one is asked for.
         """
         self._stopping.clear()
-        pause = FIRST_PAUSE
+        pauses = Pauses()
         while not self._stopping.is_set():
             began = time.monotonic()
             try:
                 with self._opened() as device:
                     yield from self._stream(device)
             except CaptureError as error:
-                if time.monotonic() - began > STEADY:
-                    pause = FIRST_PAUSE
                 self._note_loss(error)
-                self._stopping.wait(pause)
-                pause = min(2.0 * pause, LONGEST_PAUSE.get(error.cause, LONGEST_PAUSE_ELSE))
+                self._stopping.wait(pauses.after(error.cause, time.monotonic() - began))
         self.health.state = CLOSED
 
     def stop(self) -> None:
