@@ -1,0 +1,325 @@
+"""From a pair of pixels to a point with its covariance: the door to this room's methods."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from binopos_ros.optics.arithmetic import ARRAYS, FLOATS, NoRayError
+from binopos_ros.optics.batches import in_blocks
+from binopos_ros.optics.rig import StereoRig
+from binopos_ros.triangulation.errors import TriangulationError
+from binopos_ros.triangulation.likelihood import (
+    SETTLED,
+    Fit,
+    Pair,
+    colour,
+    fit_block,
+    fit_point,
+    not_positive_definite,
+    whitening,
+)
+from binopos_ros.triangulation.paper import triangulate_paper
+from binopos_ros.triangulation.straight import triangulate_straight
+
+FloatArray = NDArray[np.float64]
+
+NOT_FINITE = 'a pixel or a covariance is not a finite number'
+NUDGE = 1e-3  # px, to differentiate the paper's method by its pixels
+
+
+@dataclass(frozen=True)
+class Triangulation:
+    """Points and how well they are known; a single pair gives the shapes without N.
+
+    Attributes:
+        points: (N, 3) m, rig frame; nan where there is none.
+        covariances: (N, 3, 3) m^2.
+        residuals: (N, 4) px: observed minus predicted, left u, v, right u, v.
+        reasons: (N,) of str: '' where the point is good, else why it is nan.
+
+    """
+
+    points: FloatArray
+    covariances: FloatArray
+    residuals: FloatArray
+    reasons: NDArray[np.object_]
+
+
+Method = Callable[[StereoRig, FloatArray, FloatArray, FloatArray, FloatArray], Triangulation]
+
+
+def triangulate(
+    rig: StereoRig,
+    left_px: ArrayLike,
+    right_px: ArrayLike,
+    left_cov: ArrayLike | None = None,
+    right_cov: ArrayLike | None = None,
+    method: str = 'refractive',
+    parameter_covariance: ArrayLike | None = None,
+) -> Triangulation:
+    """Triangulate pairs of pixels.
+
+    Args:
+        rig: cameras and surfaces.
+        left_px: (N, 2) or (2,).
+        right_px: the same.
+        left_cov: covariance of the left pixels, (N, 2, 2) or one (2, 2) for all, px^2; the
+            identity where it is not given.
+        right_cov: the same.
+        method: 'refractive', the maximum-likelihood point along the bent rays; 'paper', the
+            paper's corrected method; 'straight', as if there were no surface.
+        parameter_covariance: (K, K) of the surfaces' parameters, in the order of
+            `rig.parameter_names`: adds what their uncertainty does to the points ('refractive').
+
+    Raises:
+        TriangulationError: an unknown method, or shapes that do not fit.
+
+    """
+    left, right = _pixels(left_px, 'left_px'), _pixels(right_px, 'right_px')
+    if left.shape != right.shape:
+        msg = f'left_px and right_px must be of one shape, not {left.shape} and {right.shape}'
+        raise TriangulationError(msg)
+    single = left.ndim == 1
+    left, right = left.reshape(-1, 2), right.reshape(-1, 2)
+    covs = (
+        _covariances(left_cov, len(left), 'left_cov'),
+        _covariances(right_cov, len(left), 'right_cov'),
+    )
+    if method not in METHODS:
+        msg = f'method {method!r} is unknown; choose one of {", ".join(METHODS)}'
+        raise TriangulationError(msg)
+    if parameter_covariance is not None and method != 'refractive':
+        msg = f"parameter_covariance belongs to method 'refractive', not to {method!r}"
+        raise TriangulationError(msg)
+    found = METHODS[method](rig, left, right, *covs)
+    if parameter_covariance is not None:
+        _add_parameters(rig, found, covs, np.asarray(parameter_covariance, dtype=float))
+    if single:
+        return Triangulation(
+            found.points[0], found.covariances[0], found.residuals[0], found.reasons[0]
+        )
+    return found
+
+
+def _refractive(
+    rig: StereoRig,
+    left: FloatArray,
+    right: FloatArray,
+    left_cov: FloatArray,
+    right_cov: FloatArray,
+) -> Triangulation:
+    found = _empty(len(left))
+
+    def work(block: slice) -> None:
+        observed = np.ascontiguousarray(np.hstack([left[block], right[block]]).T)
+        with np.errstate(all='ignore'):
+            pair = Pair(
+                (observed[0], observed[1]),
+                (observed[2], observed[3]),
+                whitening(_terms(left_cov, block), 'left', ARRAYS),
+                whitening(_terms(right_cov, block), 'right', ARRAYS),
+            )
+            fit = fit_block(rig, pair)
+            _store(found, block, fit, pair)
+            odd = ~(fit.decrement <= SETTLED)
+        for i in np.flatnonzero(odd):
+            one = slice(block.start + i, block.start + i + 1)
+            _careful(rig, found, one, observed[:, i].tolist(), (left_cov, right_cov))
+
+    if len(left) == 1:
+        pixels = [*left[0].tolist(), *right[0].tolist()]
+        _careful(rig, found, slice(0, 1), pixels, (left_cov, right_cov))
+    else:
+        in_blocks(work, len(left))
+    return found
+
+
+def _careful(
+    rig: StereoRig,
+    found: Triangulation,
+    one: slice,
+    pixels: list[float],
+    covs: tuple[FloatArray, FloatArray],
+) -> None:
+    """Fit a single point on floats, and note why where there is none."""
+    terms = [cov[one.start].ravel().tolist() for cov in covs]
+    if not all(map(math.isfinite, (*pixels, *terms[0], *terms[1]))):
+        _refuse(found, one, NOT_FINITE)
+        return
+    try:
+        pair = Pair(
+            (pixels[0], pixels[1]),
+            (pixels[2], pixels[3]),
+            whitening(terms[0], 'left', FLOATS),
+            whitening(terms[1], 'right', FLOATS),
+        )
+        _store(found, one, fit_point(rig, pair), pair)
+    except NoRayError as no_ray:
+        _refuse(found, one, str(no_ray))
+
+
+def _store(found: Triangulation, block: slice, fit: Fit, pair: Pair) -> None:
+    for i in range(3):
+        found.points[block, i] = fit.point[i]
+    xx, xy, xz, yy, yz, zz = fit.covariance
+    for i, row in enumerate(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))):
+        for j, term in enumerate(row):
+            found.covariances[block, i, j] = term
+    left = colour(fit.residual[:2], pair.left_whitening)
+    right = colour(fit.residual[2:], pair.right_whitening)
+    for i, term in enumerate((*left, *right)):
+        found.residuals[block, i] = term
+
+
+def _refuse(found: Triangulation, one: slice, reason: str) -> None:
+    found.points[one] = np.nan
+    found.covariances[one] = np.nan
+    found.residuals[one] = np.nan
+    found.reasons[one] = reason
+
+
+def _straight(
+    rig: StereoRig,
+    left: FloatArray,
+    right: FloatArray,
+    left_cov: FloatArray,
+    right_cov: FloatArray,
+) -> Triangulation:
+    points, covariances, reasons = triangulate_straight(rig, left, right, left_cov, right_cov)
+    in_air = StereoRig(rig.left, rig.right, rig.rotation, rig.translation)
+    return Triangulation(points, covariances, _residuals(in_air, points, left, right), reasons)
+
+
+def _paper(
+    rig: StereoRig,
+    left: FloatArray,
+    right: FloatArray,
+    left_cov: FloatArray,
+    right_cov: FloatArray,
+) -> Triangulation:
+    """Carry the pixels' covariances over by differentiating the method numerically."""
+    points, given = triangulate_paper(rig, left, right)
+    by_pixel = np.empty((len(left), 3, 4))
+    for i in range(4):
+        nudge = np.zeros(4)
+        nudge[i] = NUDGE
+        ahead, _ = triangulate_paper(rig, left + nudge[:2], right + nudge[2:])
+        behind, _ = triangulate_paper(rig, left - nudge[:2], right - nudge[2:])
+        by_pixel[:, :, i] = (ahead - behind) / (2.0 * NUDGE)
+    covariances = _sandwich(by_pixel[:, :, :2], left_cov) + _sandwich(
+        by_pixel[:, :, 2:], right_cov
+    )
+    reasons = np.array(given.tolist(), dtype=object)
+    return Triangulation(points, covariances, _residuals(rig, points, left, right), reasons)
+
+
+def _on_usable(method: Method) -> Method:
+    """Run a method on the pairs whose pixels and covariances are sound; refuse the others."""
+
+    def run(
+        rig: StereoRig,
+        left: FloatArray,
+        right: FloatArray,
+        left_cov: FloatArray,
+        right_cov: FloatArray,
+    ) -> Triangulation:
+        found = _empty(len(left))
+        pixels = np.hstack([left, right, left_cov.reshape(-1, 4), right_cov.reshape(-1, 4)])
+        for side, cov in (('left', left_cov), ('right', right_cov)):
+            with np.errstate(all='ignore'):
+                sound = np.isfinite(whitening(_terms(cov, slice(None)), side, ARRAYS)).all(axis=0)
+            found.reasons[~sound] = not_positive_definite(side)
+        found.reasons[~np.isfinite(pixels).all(axis=1)] = NOT_FINITE
+        good = found.reasons == ''
+        some = method(rig, left[good], right[good], left_cov[good], right_cov[good])
+        found.points[good], found.covariances[good] = some.points, some.covariances
+        found.residuals[good], found.reasons[good] = some.residuals, some.reasons
+        return found
+
+    return run
+
+
+METHODS: dict[str, Method] = {
+    'refractive': _refractive,
+    'paper': _on_usable(_paper),
+    'straight': _on_usable(_straight),
+}
+
+
+def _add_parameters(
+    rig: StereoRig,
+    found: Triangulation,
+    covs: tuple[FloatArray, FloatArray],
+    parameters: FloatArray,
+) -> None:
+    """Add what the parameters' uncertainty does to the points: dX/dp C (dX/dp)^T.
+
+    At the likeliest point X the normal equations hold, so dX/dp = -A^-1 sum J^T W J_p, with A^-1
+    the point's covariance at known parameters.
+    """
+    names = rig.parameter_names
+    if parameters.shape != (len(names), len(names)):
+        msg = (
+            f'parameter_covariance must be {len(names)}x{len(names)}, in the order of'
+            f' rig.parameter_names: {", ".join(names)}'
+        )
+        raise TriangulationError(msg)
+    if not np.isfinite(parameters).all() or np.linalg.eigvalsh(parameters).min(initial=0.0) < (
+        -1e-9 * np.abs(parameters).max(initial=0.0)
+    ):
+        msg = 'parameter_covariance is no covariance: it must be symmetric and not negative'
+        raise TriangulationError(msg)
+    good = found.reasons == ''
+    jacobians = rig.differentiate(found.points[good])
+    by_parameters = rig.parameter_jacobian(found.points[good])
+    by_point = (jacobians.left_by_point, jacobians.right_by_point)
+    pull = sum(
+        np.swapaxes(j, 1, 2) @ np.linalg.solve(cov[good], k)
+        for j, k, cov in zip(by_point, by_parameters, covs, strict=True)
+    )
+    found.covariances[good] += _sandwich(found.covariances[good] @ pull, parameters)
+
+
+def _sandwich(by: FloatArray, covariance: FloatArray) -> FloatArray:
+    return by @ covariance @ np.swapaxes(by, 1, 2)
+
+
+def _residuals(
+    rig: StereoRig, points: FloatArray, left: FloatArray, right: FloatArray
+) -> FloatArray:
+    return np.hstack([left, right]) - np.hstack(rig.project(points))
+
+
+def _empty(count: int) -> Triangulation:
+    return Triangulation(
+        np.full((count, 3), np.nan),
+        np.full((count, 3, 3), np.nan),
+        np.full((count, 4), np.nan),
+        np.full(count, '', dtype=object),
+    )
+
+
+def _pixels(values: ArrayLike, what: str) -> FloatArray:
+    pixels = np.asarray(values, dtype=float)
+    if pixels.ndim not in (1, 2) or pixels.shape[-1] != 2:
+        msg = f'{what} must have the shape (N, 2) or (2,), not {pixels.shape}'
+        raise TriangulationError(msg)
+    return pixels
+
+
+def _covariances(values: ArrayLike | None, count: int, what: str) -> FloatArray:
+    given = np.eye(2) if values is None else np.asarray(values, dtype=float)
+    if given.shape not in ((2, 2), (count, 2, 2)):
+        msg = f'{what} must have the shape (2, 2) or ({count}, 2, 2), not {given.shape}'
+        raise TriangulationError(msg)
+    return np.broadcast_to(given, (count, 2, 2))
+
+
+def _terms(covariances: FloatArray, block: slice) -> tuple[FloatArray, ...]:
+    part = covariances[block]
+    return part[:, 0, 0], part[:, 0, 1], part[:, 1, 0], part[:, 1, 1]
