@@ -6,7 +6,6 @@ run time is judged as a whole by building the new options, and takes effect in t
 
 from __future__ import annotations
 
-import array
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -127,13 +126,11 @@ class StageNode(Node):
             low, high = spec.limits
             descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
         default = spec.default
-        if default is None:
+        if default is None or default == ():
+            # Unset, but of a known type: an empty list would be taken for bytes.
             default = _TYPES[kind]
-        elif kind == (tuple, float):
-            # An empty list would be taken for bytes.
-            default = array.array('d', default)
         elif spec.kind is tuple:
-            default = list(default) or _TYPES[kind]
+            default = list(default)
         elif kind is float:
             default = float(default)
         try:
