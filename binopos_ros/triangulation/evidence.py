@@ -14,16 +14,24 @@ the normal; to first order e is independent of the noise of the point.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import mul
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from binopos_ros.optics import FlatInterface, StereoRig
+from binopos_ros.optics import StereoRig
+from binopos_ros.optics.arithmetic import FLOATS, NoRayError
 from binopos_ros.triangulation.errors import TriangulationError
-from binopos_ros.triangulation.paper import triangulate_paper
+from binopos_ros.triangulation.likelihood import Pair, Whitening, fit_point, whitening
+from binopos_ros.triangulation.meeting import dot
+from binopos_ros.triangulation.triangulate import NOT_FINITE
 
 Array = NDArray[np.float64]
+
+#: Step of the considered parameters, in their standard deviations, for their derivatives.
+STEP = 0.01
 
 
 @dataclass(frozen=True)
@@ -63,70 +71,97 @@ class Evidence:
 
 def gather_evidence(
     rig: StereoRig,
-    index: float,
     left_px: ArrayLike,
     right_px: ArrayLike,
     left_cov: ArrayLike | None = None,
     right_cov: ArrayLike | None = None,
+    changes: Sequence[StereoRig] = (),
 ) -> Evidence:
-    """Triangulate one pair at an assumed index and tell how far and how surely that is off.
+    """Triangulate one pair at the rig's index, and tell how far and how surely that is off.
 
     Args:
-        rig: cameras and interface; `index` replaces the index of the target's medium.
-        index: assumed.
-        left_px, right_px: (2,) pixels.
-        left_cov, right_cov: (2,2) px^2.
+        rig: cameras and surfaces; its `target_index` is the assumed index.
+        left_px: (2,) px.
+        right_px: (2,) px.
+        left_cov: (2,2) px^2.
+        right_cov: (2,2) px^2.
+        changes: the rig with one considered parameter changed by STEP of its standard deviation,
+            for each of them.
+
+    Raises:
+        TriangulationError, OpticsError: as `triangulate` raises them.
     """
-    rig = _with_index(rig, index)
-    z = np.r_[np.ravel(left_px), np.ravel(right_px)].astype(float)
-    points, reasons = triangulate_paper(rig, z[:2], z[2:])
-    if reasons[0]:
-        return _no_point(index, str(reasons[0]))
-    whiten = np.zeros((4, 4))
-    for block, given in ((slice(0, 2), left_cov), (slice(2, 4), right_cov)):
-        cov = np.eye(2) if given is None else np.asarray(given, dtype=float)
-        whiten[block, block] = np.linalg.inv(np.linalg.cholesky(cov))
-    point, h = points[0], 1e-6
-    for _ in range(6):
-        stencil = np.vstack([point, point + h * np.eye(3), point - h * np.eye(3)])
-        images = np.hstack(rig.project(stencil))
-        J = whiten @ (images[1:4] - images[4:7]).T / (2 * h)
-        r = whiten @ (z - images[0])
-        covariance = np.linalg.inv(J.T @ J)
-        step = covariance @ J.T @ r
-        point = point + step
-        if np.abs(step).max() < 1e-9:
-            break
-    up, down = (np.hstack(_with_index(rig, index + s).project(point)) for s in (h, -h))
-    g = whiten @ (up - down) / (2 * h)
-    by_index = -covariance @ J.T @ g
-    p = g + J @ by_index
-    gain = float(np.sqrt(p @ p))
-    r = r - J @ step
-    clue = Clue(float(p @ r / gain) if gain > 0 else 0.0, gain, np.zeros(0))
-    return Evidence(index, '', clue, point, covariance, by_index, np.zeros((3, 0)))
-
-
-def _no_point(index: float, reason: str) -> Evidence:
-    nowhere = np.full(3, math.nan)
-    unknown, shared = np.full((3, 3), math.nan), np.zeros((3, 0))
-    return Evidence(index, reason, Clue(0.0, 0.0, np.zeros(0)), nowhere, unknown, nowhere, shared)
-
-
-def _with_index(rig: StereoRig, index: float) -> StereoRig:
-    interface = rig.interface
-    if interface is None:
-        msg = 'the rig has no interface, so there is no index to estimate'
+    index = rig.target_index
+    if index is None:
+        msg = 'the rig looks through no surface, so there is no index to estimate'
         raise TriangulationError(msg)
-    return StereoRig(
-        rig.left,
-        rig.right,
-        rig.rotation,
-        rig.translation,
-        FlatInterface(
-            interface.normal,
-            interface.distance,
-            (*interface.indices[:-1], index),
-            interface.thicknesses,
-        ),
+    left, right = _numbers(left_px, 2, 'left_px'), _numbers(right_px, 2, 'right_px')
+    covariances = _covariance(left_cov, 'left_cov'), _covariance(right_cov, 'right_cov')
+    if not all(map(math.isfinite, (*left, *right, *covariances[0], *covariances[1]))):
+        return _no_point(index, NOT_FINITE, len(changes))
+    try:
+        whiten_left = whitening(covariances[0], 'left', FLOATS)
+        whiten_right = whitening(covariances[1], 'right', FLOATS)
+        fit = fit_point(
+            rig, Pair((left[0], left[1]), (right[0], right[1]), whiten_left, whiten_right)
+        )
+        sights = [view.sight(fit.point, FLOATS) for view in rig.views]
+        changed = [[view.pixel(fit.point, FLOATS) for view in other.views] for other in changes]
+    except NoRayError as no_ray:
+        return _no_point(index, str(no_ray), len(changes))
+
+    whiteners = (whiten_left, whiten_right)
+    left_over: list[float] = []
+    for sight, whitener in zip(sights, whiteners, strict=True):
+        du = sight.u_by_index + dot(sight.u_by_point, fit.by_index)
+        dv = sight.v_by_index + dot(sight.v_by_point, fit.by_index)
+        left_over += _whitened(du, dv, whitener)
+    gain = math.sqrt(sum(p * p for p in left_over))
+    direction = [p / gain for p in left_over] if gain > 0.0 else [0.0] * 4
+    xx, xy, xz, yy, yz, zz = fit.covariance
+    covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    shared, by_shared = np.empty(len(changes)), np.empty((3, len(changes)))
+    for k, pixels in enumerate(changed):
+        shared[k], gradient = 0.0, np.zeros(3)
+        for side, ((u, v), sight, whitener) in enumerate(
+            zip(pixels, sights, whiteners, strict=True)
+        ):
+            first, second = _whitened((u - sight.u) / STEP, (v - sight.v) / STEP, whitener)
+            shared[k] += direction[2 * side] * first + direction[2 * side + 1] * second
+            l11, l21, l22 = whitener
+            gradient += (l11 * first + l21 * second) * np.array(sight.u_by_point)
+            gradient += l22 * second * np.array(sight.v_by_point)
+        by_shared[:, k] = -covariance @ gradient
+    return Evidence(
+        at=index,
+        reason='',
+        clue=Clue(sum(map(mul, direction, fit.residual)), gain, shared),
+        point=np.array(fit.point),
+        covariance=covariance,
+        by_index=np.array(fit.by_index),
+        by_shared=by_shared,
     )
+
+
+def _whitened(u: float, v: float, whitener: Whitening) -> tuple[float, float]:
+    l11, l21, l22 = whitener
+    return l11 * u, l21 * u + l22 * v
+
+
+def _numbers(values: ArrayLike, count: int, what: str) -> list[float]:
+    array = np.asarray(values, dtype=np.float64)
+    if array.size != count:
+        msg = f'{what} has the shape {array.shape}: the index takes one pair at a time'
+        raise TriangulationError(msg)
+    numbers: list[float] = array.ravel().tolist()
+    return numbers
+
+
+def _covariance(values: ArrayLike | None, what: str) -> list[float]:
+    return [1.0, 0.0, 0.0, 1.0] if values is None else _numbers(values, 4, what)
+
+
+def _no_point(index: float, reason: str, count: int) -> Evidence:
+    nowhere, unknown = np.full(3, math.nan), np.full((3, 3), math.nan)
+    clue = Clue(0.0, 0.0, np.zeros(count))
+    return Evidence(index, reason, clue, nowhere, unknown, nowhere, np.zeros((3, count)))

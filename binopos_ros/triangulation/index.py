@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from binopos_ros.optics import StereoRig
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
-from binopos_ros.triangulation.evidence import Clue, Evidence, gather_evidence
+from binopos_ros.triangulation.evidence import STEP, Clue, Evidence, gather_evidence
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,9 @@ OUTLIER = 'outlier: both rays disagree at any likely index'
 OFF_PLANE = 'outlier: target not in the known plane'
 
 #: Shift of the index within one update that makes the linearisation worth repeating.
-_RELINEARISE = 2e-3
+_RELINEARISE = 1e-3
 _MAX_LINEARISATIONS = 4
+_LARGEST_INDEX = 4.0
 #: Weight of the newest pair in the statistics of the innovations: some 100 pairs count.
 _MEMORY = 0.02
 #: 99.9 % bounds over 100 pairs: of the mean squared innovation, and of their correlation.
@@ -103,6 +104,8 @@ class IndexEstimator:
         drift: standard deviation of the index's change within a second; it grows with the square
             root of time. 0: the index is constant. 1e-4 lets it move by 0.006 in an hour.
         known_plane: a plane that the target is known to lie in.
+        interface_covariance: (K,K) of the errors of the rig's surfaces, in the order and units of
+            `StereoRig.parameter_names`; its row and column of target_index are not used.
         gate: innovations beyond this many standard deviations are outliers and not used.
         huber: innovations beyond this many standard deviations weigh less (Huber's weight).
 
@@ -117,10 +120,11 @@ class IndexEstimator:
         *,
         drift: float = 0.0,
         known_plane: KnownPlane | None = None,
+        interface_covariance: ArrayLike | None = None,
         gate: float = 4.0,
         huber: float = 2.0,
     ) -> None:
-        if not 1.0 <= prior_mean <= 4.0:
+        if not 1.0 <= prior_mean <= _LARGEST_INDEX:
             msg = f'index prior: {prior_mean} is no refractive index of a clear medium (1 to 4)'
             raise TriangulationError(msg)
         for name, value in (('prior std', prior_std), ('gate', gate), ('huber', huber)):
@@ -134,8 +138,11 @@ class IndexEstimator:
         self._rate = drift**2 / (2.0 * self._prior_variance)
         self._plane = known_plane
         self._gate, self._huber = gate, huber
-        variances = [] if known_plane is None else [known_plane.std**2]
-        self._considered = np.diag(variances) if variances else np.zeros((0, 0))
+        self._errors = _principal_errors(interface_covariance)
+        # The surfaces' errors are counted in their own deviations, the plane's in metres.
+        plane = [] if known_plane is None else [known_plane.std**2]
+        self._considered = np.diag([1.0] * len(self._errors) + plane)
+        self._rigs: tuple[StereoRig, StereoRig, list[StereoRig]] | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -170,21 +177,39 @@ class IndexEstimator:
         Raises:
             TriangulationError, OpticsError: as `triangulate` raises them.
         """
-        prior = self._predict(stamp)
-        belief = prior
+        prior = self._belief = self._predict(stamp)
         for _ in range(_MAX_LINEARISATIONS):
-            assumed = belief.mean
-            evidence = gather_evidence(rig, assumed, left_px, right_px, left_cov, right_cov)
+            assumed, changes = self._rigs_near(rig, self._belief.mean)
+            evidence = gather_evidence(assumed, left_px, right_px, left_cov, right_cov, changes)
             if evidence.reason:
                 self._belief = prior
                 return self._state(evidence, evidence.reason)
             verdict = self._correct(prior, evidence)
-            belief = verdict.belief
-            if abs(belief.mean - assumed) < _RELINEARISE:
+            self._belief = verdict.belief
+            if abs(self._belief.mean - evidence.at) <= _RELINEARISE:
                 break
-        self._belief = belief
         self._judge(verdict)
         return self._state(evidence, verdict.reason)
+
+    def _rigs_near(self, rig: StereoRig, index: float) -> tuple[StereoRig, list[StereoRig]]:
+        """Return the rig with about this index, and its copies with one error each.
+
+        To build them takes longer than to triangulate, so they serve until the index has moved.
+        """
+        if self._rigs is not None and self._rigs[0] is rig:
+            _, assumed, changes = self._rigs
+            if abs(cast(float, assumed.target_index) - index) <= _RELINEARISE:
+                return assumed, changes
+        if len(self._errors) and self._errors.shape[1] != len(rig.parameter_names):
+            msg = (
+                f'interface covariance is for {self._errors.shape[1]} parameters, and the rig has '
+                f'{len(rig.parameter_names)}: {", ".join(rig.parameter_names)}'
+            )
+            raise TriangulationError(msg)
+        assumed = rig.with_target_index(min(max(index, 1.0), _LARGEST_INDEX))
+        changes = [assumed.perturbed(STEP * error) for error in self._errors]
+        self._rigs = rig, assumed, changes
+        return assumed, changes
 
     def _predict(self, stamp: float) -> _Belief:
         """The index drifts: back towards the prior, and less certain."""
@@ -275,3 +300,21 @@ class IndexEstimator:
                 + by_shared @ considered @ by_shared.T
             ),
         )
+
+
+def _principal_errors(covariance: ArrayLike | None) -> Array:
+    """Return independent errors (E,K) of one deviation each that make up the covariance (K,K)."""
+    if covariance is None:
+        return np.zeros((0, 0))
+    given = np.array(covariance, dtype=np.float64)
+    if given.ndim != 2 or given.shape[0] != given.shape[1] or not np.isfinite(given).all():
+        msg = f'interface covariance of shape {given.shape}: give (K, K) finite numbers'
+        raise TriangulationError(msg)
+    given[0, :] = given[:, 0] = 0.0
+    scale = np.sqrt(np.maximum(np.diag(given), 0.0))
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(given / np.outer(scale, scale))
+    if not np.allclose(given, given.T) or values[0] < -1e-9:
+        msg = 'interface covariance is not symmetric and positive semidefinite'
+        raise TriangulationError(msg)
+    return (vectors * np.sqrt(np.maximum(values, 0.0)) * scale[:, None]).T[values > 1e-9]
