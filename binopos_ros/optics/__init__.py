@@ -9,6 +9,7 @@ from binopos_ros.optics.camera_info import (
     stereo_from_camera_infos,
     write_camera_info,
 )
+from binopos_ros.optics.column import graded_interface, mean_index
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.interface import FlatInterface
 from binopos_ros.optics.rig import StereoRig
@@ -21,6 +22,8 @@ __all__ = [
     'PinholeCamera',
     'Roi',
     'StereoRig',
+    'graded_interface',
+    'mean_index',
     'read_camera_info',
     'stereo_from_camera_infos',
     'write_camera_info',

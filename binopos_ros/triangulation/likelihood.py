@@ -15,6 +15,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from binopos_ros.optics.arithmetic import ARRAYS, FLOATS, Arithmetic, Component, NoRayError
 from binopos_ros.optics.rig import StereoRig
 from binopos_ros.optics.view import View
@@ -65,6 +68,11 @@ class Fit(NamedTuple):
     residual: tuple[Component, Component, Component, Component]  # whitened
     by_index: Vector  # how the point moves with the index assumed, m
     decrement: Component  # squared length of the last step, in standard deviations
+
+
+def covariance_terms(covariances: NDArray[np.float64]) -> tuple[Component, ...]:
+    """Return the four columns of (N, 2, 2) covariances."""
+    return tuple(covariances.reshape(-1, 4).T)
 
 
 def whitening(covariance: Sequence[Component], side: str, arithmetic: Arithmetic) -> Whitening:

@@ -2,53 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from binopos_ros.optics.arithmetic import ARRAYS, FLOATS, NoRayError
-from binopos_ros.optics.batches import in_blocks
+from binopos_ros.optics.arithmetic import ARRAYS
 from binopos_ros.optics.rig import StereoRig
 from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.likelihood import (
-    SETTLED,
-    Fit,
-    Pair,
-    colour,
-    fit_block,
-    fit_point,
+    covariance_terms,
     not_positive_definite,
     whitening,
 )
 from binopos_ros.triangulation.paper import triangulate_paper
+from binopos_ros.triangulation.refractive import triangulate_refractive
+from binopos_ros.triangulation.result import NOT_FINITE, Triangulation, no_points
 from binopos_ros.triangulation.straight import triangulate_straight
 
 FloatArray = NDArray[np.float64]
 
-NOT_FINITE = 'a pixel or a covariance is not a finite number'
 NUDGE = 1e-3  # px, to differentiate the paper's method by its pixels
-
-
-@dataclass(frozen=True)
-class Triangulation:
-    """Points and how well they are known; a single pair gives the shapes without N.
-
-    Attributes:
-        points: (N, 3) m, rig frame; nan where there is none.
-        covariances: (N, 3, 3) m^2.
-        residuals: (N, 4) px: observed minus predicted, left u, v, right u, v.
-        reasons: (N,) of str: '' where the point is good, else why it is nan.
-
-    """
-
-    points: FloatArray
-    covariances: FloatArray
-    residuals: FloatArray
-    reasons: NDArray[np.object_]
-
+AT_THE_EDGE = 'a thousandth of a pixel further there is no point'
 
 Method = Callable[[StereoRig, FloatArray, FloatArray, FloatArray, FloatArray], Triangulation]
 
@@ -106,83 +81,6 @@ def triangulate(
     return found
 
 
-def _refractive(
-    rig: StereoRig,
-    left: FloatArray,
-    right: FloatArray,
-    left_cov: FloatArray,
-    right_cov: FloatArray,
-) -> Triangulation:
-    found = _empty(len(left))
-
-    def work(block: slice) -> None:
-        observed = np.ascontiguousarray(np.hstack([left[block], right[block]]).T)
-        with np.errstate(all='ignore'):
-            pair = Pair(
-                (observed[0], observed[1]),
-                (observed[2], observed[3]),
-                whitening(_terms(left_cov, block), 'left', ARRAYS),
-                whitening(_terms(right_cov, block), 'right', ARRAYS),
-            )
-            fit = fit_block(rig, pair)
-            _store(found, block, fit, pair)
-            odd = ~(fit.decrement <= SETTLED)
-        for i in np.flatnonzero(odd):
-            one = slice(block.start + i, block.start + i + 1)
-            _careful(rig, found, one, observed[:, i].tolist(), (left_cov, right_cov))
-
-    if len(left) == 1:
-        pixels = [*left[0].tolist(), *right[0].tolist()]
-        _careful(rig, found, slice(0, 1), pixels, (left_cov, right_cov))
-    else:
-        in_blocks(work, len(left))
-    return found
-
-
-def _careful(
-    rig: StereoRig,
-    found: Triangulation,
-    one: slice,
-    pixels: list[float],
-    covs: tuple[FloatArray, FloatArray],
-) -> None:
-    """Fit a single point on floats, and note why where there is none."""
-    terms = [cov[one.start].ravel().tolist() for cov in covs]
-    if not all(map(math.isfinite, (*pixels, *terms[0], *terms[1]))):
-        _refuse(found, one, NOT_FINITE)
-        return
-    try:
-        pair = Pair(
-            (pixels[0], pixels[1]),
-            (pixels[2], pixels[3]),
-            whitening(terms[0], 'left', FLOATS),
-            whitening(terms[1], 'right', FLOATS),
-        )
-        _store(found, one, fit_point(rig, pair), pair)
-    except NoRayError as no_ray:
-        _refuse(found, one, str(no_ray))
-
-
-def _store(found: Triangulation, block: slice, fit: Fit, pair: Pair) -> None:
-    for i in range(3):
-        found.points[block, i] = fit.point[i]
-    xx, xy, xz, yy, yz, zz = fit.covariance
-    for i, row in enumerate(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))):
-        for j, term in enumerate(row):
-            found.covariances[block, i, j] = term
-    left = colour(fit.residual[:2], pair.left_whitening)
-    right = colour(fit.residual[2:], pair.right_whitening)
-    for i, term in enumerate((*left, *right)):
-        found.residuals[block, i] = term
-
-
-def _refuse(found: Triangulation, one: slice, reason: str) -> None:
-    found.points[one] = np.nan
-    found.covariances[one] = np.nan
-    found.residuals[one] = np.nan
-    found.reasons[one] = reason
-
-
 def _straight(
     rig: StereoRig,
     left: FloatArray,
@@ -215,6 +113,9 @@ def _paper(
         by_pixel[:, :, 2:], right_cov
     )
     reasons = np.array(given.tolist(), dtype=object)
+    at_the_edge = (reasons == '') & np.isnan(covariances).any(axis=(1, 2))
+    reasons[at_the_edge] = AT_THE_EDGE
+    points[at_the_edge] = np.nan
     return Triangulation(points, covariances, _residuals(rig, points, left, right), reasons)
 
 
@@ -228,11 +129,11 @@ def _on_usable(method: Method) -> Method:
         left_cov: FloatArray,
         right_cov: FloatArray,
     ) -> Triangulation:
-        found = _empty(len(left))
+        found = no_points(len(left))
         pixels = np.hstack([left, right, left_cov.reshape(-1, 4), right_cov.reshape(-1, 4)])
         for side, cov in (('left', left_cov), ('right', right_cov)):
             with np.errstate(all='ignore'):
-                sound = np.isfinite(whitening(_terms(cov, slice(None)), side, ARRAYS)).all(axis=0)
+                sound = np.isfinite(whitening(covariance_terms(cov), side, ARRAYS)).all(axis=0)
             found.reasons[~sound] = not_positive_definite(side)
         found.reasons[~np.isfinite(pixels).all(axis=1)] = NOT_FINITE
         good = found.reasons == ''
@@ -245,7 +146,7 @@ def _on_usable(method: Method) -> Method:
 
 
 METHODS: dict[str, Method] = {
-    'refractive': _refractive,
+    'refractive': triangulate_refractive,
     'paper': _on_usable(_paper),
     'straight': _on_usable(_straight),
 }
@@ -269,8 +170,11 @@ def _add_parameters(
             f' rig.parameter_names: {", ".join(names)}'
         )
         raise TriangulationError(msg)
-    if not np.isfinite(parameters).all() or np.linalg.eigvalsh(parameters).min(initial=0.0) < (
-        -1e-9 * np.abs(parameters).max(initial=0.0)
+    slack = 1e-9 * np.abs(parameters).max(initial=0.0)
+    if (
+        not np.isfinite(parameters).all()
+        or np.abs(parameters - parameters.T).max(initial=0.0) > slack
+        or np.linalg.eigvalsh(parameters).min(initial=0.0) < -slack
     ):
         msg = 'parameter_covariance is no covariance: it must be symmetric and not negative'
         raise TriangulationError(msg)
@@ -295,15 +199,6 @@ def _residuals(
     return np.hstack([left, right]) - np.hstack(rig.project(points))
 
 
-def _empty(count: int) -> Triangulation:
-    return Triangulation(
-        np.full((count, 3), np.nan),
-        np.full((count, 3, 3), np.nan),
-        np.full((count, 4), np.nan),
-        np.full(count, '', dtype=object),
-    )
-
-
 def _pixels(values: ArrayLike, what: str) -> FloatArray:
     pixels = np.asarray(values, dtype=float)
     if pixels.ndim not in (1, 2) or pixels.shape[-1] != 2:
@@ -318,8 +213,3 @@ def _covariances(values: ArrayLike | None, count: int, what: str) -> FloatArray:
         msg = f'{what} must have the shape (2, 2) or ({count}, 2, 2), not {given.shape}'
         raise TriangulationError(msg)
     return np.broadcast_to(given, (count, 2, 2))
-
-
-def _terms(covariances: FloatArray, block: slice) -> tuple[FloatArray, ...]:
-    part = covariances[block]
-    return part[:, 0, 0], part[:, 0, 1], part[:, 1, 0], part[:, 1, 1]
