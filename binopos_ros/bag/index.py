@@ -145,6 +145,7 @@ def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
     stream.seek(size - len(MAGIC))
     if stream.read() != MAGIC:
         return None
+    stream.seek(0)
     try:
         summary = SeekingReader(stream, record_size_limit=size).get_summary()
     except (McapError, struct.error, ValueError, OSError, OverflowError):
@@ -237,6 +238,7 @@ class _Scan:
     def _record(self, opcode: int, position: int, end: int) -> None:
         if opcode != Opcode.MESSAGE_INDEX:
             self._finish_chunk()
+        self.stream.seek(position + RECORD_HEAD.size)
         if opcode == Opcode.CHUNK:
             start_ns, end_ns, *_ = _CHUNK_HEAD.unpack(self.stream.read(_CHUNK_HEAD.size))
             self.chunk = Span(start_ns, end_ns, position, end - position, 'chunk')
