@@ -1,7 +1,7 @@
 """The calibration's own uncertainty: stored beside the calibration, carried on to positions.
 
-The file names each parameter as `RigState.names` does; a rotation's three numbers are radians
-about the rig's axes (left factor), a normal's two lie along `state.normal_basis` of the normal.
+The file names each parameter as `RigState.names` does, so `ordered(rig.parameter_names)` is what
+`triangulate` takes as `parameter_covariance`. `calibration_covariances` adds the cameras' part.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ from binopos_ros.calibration.state import (
     RIGHT,
     RIGHT_PORT,
     SHARED,
+    TARGET_INDEX,
     Camera,
     RigState,
 )
@@ -33,10 +34,11 @@ from binopos_ros.optics import FlatInterface
 UNKNOWN_NORMAL = 0.5  # rad
 UNKNOWN_DISTANCE = 10.0  # m
 UNKNOWN_INDEX = 0.1
-TIE = 1e-6  # two ports look into the same water: standard deviation of their indices' difference
+UNKNOWN_LAYER = 0.01  # the index of glass or acrylic whose kind is known
 FEWEST_VIEWS = 1
 #: First guesses of an unknown distance, as parts of the way to the nearest board.
 FRACTIONS = (0.5, 0.15, 0.85)
+GOOD_START = 0.5  # px; a descent into a wrong valley ends far above it
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,8 @@ class InterfaceGuess:
         distance: to the first surface (m), None where unknown.
         normal: from the cameras into the target's medium.
         deviations: standard deviations of what was measured: keys 'normal' (rad), 'distance' (m),
-            'indices.1' ..., 'thicknesses.0' ... (m); what is not named takes `UNKNOWN_*`, or for
-            thicknesses and inner indices 1 %.
+            'target_index', and of the layers in between 'thicknesses.0' (m), 'indices.1' and so
+            on. What is not named takes `UNKNOWN_*`, a layer's own 1 % and `UNKNOWN_LAYER`.
     """
 
     place: str
@@ -66,8 +68,8 @@ class InterfaceGuess:
             raise CalibrationError(
                 f"place {self.place!r}: '{SHARED}', '{LEFT_PORT}' or '{RIGHT_PORT}'"
             )
-        known = {'normal', 'distance'}
-        known |= {f'indices.{i}' for i in range(1, len(self.indices))}
+        known = {'normal', 'distance', TARGET_INDEX}
+        known |= {f'indices.{i}' for i in range(1, len(self.indices) - 1)}
         known |= {f'thicknesses.{i}' for i in range(len(self.thicknesses))}
         for name, deviation in self.deviations.items():
             if name not in known:
@@ -91,11 +93,10 @@ class InterfaceGuess:
             return self.deviations[name]
         if name == 'distance':
             return UNKNOWN_DISTANCE
+        if name == TARGET_INDEX:
+            return UNKNOWN_INDEX
         kind, number = name.split('.')
-        if kind == 'thicknesses':
-            return 0.01 * self.thicknesses[int(number)]
-        last = int(number) == len(self.indices) - 1
-        return UNKNOWN_INDEX if last else 0.01
+        return 0.01 * self.thicknesses[int(number)] if kind == 'thicknesses' else UNKNOWN_LAYER
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ def calibrate_interface(
     )
     best, prior = _best_start(air, views, straight, nearest, guesses, air_covariance, free_cameras)
     fit = adjust(best.state, best.poses, views, best.free, prior, robust=robust, sigma=sigma)
-    state = _same_water(fit.state)
+    state = fit.state
     return InterfaceCalibration(
         state, fit.covariance, _prior_deviations(state, guesses), fit, tuple(views)
     )
@@ -194,21 +195,11 @@ def _best_start(
             continue
         if best is None or fit.rms() < 0.999 * best[0].rms():
             best = fit, prior
+        if best[0].rms() < GOOD_START:
+            break
     if best is None:
         raise CalibrationError(f'no such interface explains the views: {trouble}')
     return best
-
-
-def _same_water(state: RigState) -> RigState:
-    """Two ports with exactly one index behind them; the adjustment ties them to rounding."""
-    if len(state.interfaces) < 2:
-        return state
-    index = float(np.mean([one.indices[-1] for one in state.interfaces.values()]))
-    interfaces = {
-        place: FlatInterface(one.normal, one.distance, (*one.indices[:-1], index), one.thicknesses)
-        for place, one in state.interfaces.items()
-    }
-    return replace(state, interfaces=interfaces)
 
 
 def _check_places(guesses: Sequence[InterfaceGuess]) -> None:
@@ -216,6 +207,10 @@ def _check_places(guesses: Sequence[InterfaceGuess]) -> None:
     if places not in ([SHARED], [LEFT_PORT, RIGHT_PORT], [LEFT_PORT], [RIGHT_PORT]):
         raise CalibrationError(
             f'interfaces {places}: give one shared surface, or a port for each camera'
+        )
+    if len({guess.indices[-1] for guess in guesses}) > 1:
+        raise CalibrationError(
+            'the ports end in different media: both look at one target, give one last index'
         )
 
 
@@ -227,7 +222,8 @@ def _unknowns(
 ) -> tuple[np.ndarray, Prior]:
     """Which parameters are free, and what is known of them."""
     names = start.names
-    own = np.array([name.split('.')[0] in start.interfaces for name in names])
+    prior = _prior_deviations(start, guesses)
+    own = np.array([name in prior for name in names])
     free = own.copy()
     information = np.zeros((len(names), len(names)))
     if free_cameras:
@@ -241,25 +237,19 @@ def _unknowns(
         inverse = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)
         information[np.ix_(cameras, cameras)] = inverse / np.outer(scale, scale)
         free[cameras] = True
-    for guess in guesses:
-        for i, name in enumerate(names):
-            place, _, parameter = name.partition('.')
-            if place == guess.place and not (parameter == 'distance' and guess.distance is None):
-                information[i, i] += guess.deviation(parameter) ** -2
-    lasts = [names.index(f'{g.place}.indices.{len(g.indices) - 1}') for g in guesses]
-    if len(lasts) == 2:
-        # The same water behind both ports.
-        information[np.ix_(lasts, lasts)] += TIE**-2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    measured = {f'{guess.place}.distance' for guess in guesses if guess.distance is not None}
+    for i, name in enumerate(names):
+        if name in prior and (name in measured or not name.endswith('.distance')):
+            information[i, i] = prior[name] ** -2
     return free, Prior(start, information)
 
 
 def _prior_deviations(state: RigState, guesses: Sequence[InterfaceGuess]) -> dict[str, float]:
-    return {
-        name: guess.deviation(name.partition('.')[2])
-        for guess in guesses
-        for name in state.names
-        if name.partition('.')[0] == guess.place
-    }
+    deviations = {TARGET_INDEX: min(guess.deviation(TARGET_INDEX) for guess in guesses)}
+    for guess in guesses:
+        for name in state.names_of(guess.place):
+            deviations[name] = guess.deviation(name.partition('.')[2])
+    return deviations
 
 
 def _ruler_only(

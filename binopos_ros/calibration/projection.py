@@ -17,12 +17,13 @@ from binopos_ros.calibration.state import (
     RIGHT,
     SHARED,
     SIDES,
+    TARGET_INDEX,
     Camera,
     RigState,
     cross_matrices,
-    normal_basis,
     places_seen_through,
 )
+from binopos_ros.optics.interface import tangents
 
 
 @dataclass(frozen=True)
@@ -119,18 +120,26 @@ def _through_interface(state: RigState, side: int, local: np.ndarray) -> _Seen:
         )
     (place,) = places
     interface = state.interfaces[place]
-    columns = [i for i, name in enumerate(state.names) if name.startswith(f'{place}.')]
+    own = [TARGET_INDEX, *state.names_of(place)]
+    columns = [state.names.index(name) for name in own]
     in_rig_frame = place == SHARED and side == RIGHT
     rotation = state.rotation if in_rig_frame else np.eye(3)
     translation = state.translation if in_rig_frame else np.zeros(3)
     normal = rotation @ interface.normal
     distance = interface.distance + float(normal @ translation)
-    basis = rotation @ normal_basis(interface.normal)
+    basis = rotation @ tangents(interface.normal).T
     seen = apparent_points(local, normal, distance, interface.indices, interface.thicknesses)
     by_distance = seen.by_distance[:, :, None]
     by_normal = seen.by_normal + by_distance * translation
     by_interface = np.concatenate(
-        [by_normal @ basis, by_distance, seen.by_indices, seen.by_thicknesses], axis=2
+        [
+            seen.by_indices[:, :, -1:],
+            by_normal @ basis,
+            by_distance,
+            seen.by_thicknesses,
+            seen.by_indices[:, :, :-1],
+        ],
+        axis=2,
     )
     by_rotation = by_normal @ -cross_matrices(normal) if in_rig_frame else still
     by_translation = by_distance * normal if in_rig_frame else still

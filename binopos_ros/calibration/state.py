@@ -1,7 +1,8 @@
 """The parameters of a rig as the adjustment sees them: values, names, small changes.
 
-Rotations change by a left factor exp(d), d in radians; a normal changes along two directions
-perpendicular to it (`normal_basis`); everything else adds.
+Rotations change by a left factor exp(d), d in radians; a normal changes along the two directions
+of `optics.interface.tangents`; everything else adds. The surfaces' parameters bear the names of
+`StereoRig.parameter_names`; the index of the cameras' own medium is no parameter.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ import cv2
 import numpy as np
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.interface import tangents
 
 LEFT, RIGHT = 0, 1
 SIDES = ('left', 'right')
 LENS_TERMS = ('k1', 'k2', 'p1', 'p2', 'k3', 'k4', 'k5', 'k6', 's1', 's2', 's3', 's4', 'tx', 'ty')
+TARGET_INDEX = 'target_index'
 SHARED, LEFT_PORT, RIGHT_PORT = 'interface', 'left_port', 'right_port'
 
 
@@ -95,12 +98,27 @@ class RigState:
         if len(self.cameras) == 2:
             names += [f'rotation.{axis}' for axis in 'xyz']
             names += [f'translation.{axis}' for axis in 'xyz']
-        for place, interface in self.interfaces.items():
-            names += [f'{place}.normal.{axis}' for axis in 'ab']
-            names += [f'{place}.distance']
-            names += [f'{place}.indices.{i}' for i in range(1, len(interface.indices))]
-            names += [f'{place}.thicknesses.{i}' for i in range(len(interface.thicknesses))]
+        if self.interfaces:
+            names += [TARGET_INDEX]
+        for place in self.interfaces:
+            names += self.names_of(place)
         return tuple(names)
+
+    def names_of(self, place: str) -> list[str]:
+        """The names of one interface's own parameters: all but the target's index."""
+        layers = range(len(self.interfaces[place].thicknesses))
+        return [
+            f'{place}.normal.0',
+            f'{place}.normal.1',
+            f'{place}.distance',
+            *(f'{place}.thicknesses.{i}' for i in layers),
+            *(f'{place}.indices.{i + 1}' for i in layers),
+        ]
+
+    @property
+    def target_index(self) -> float:
+        """The refractive index of the target's medium; 1 without interfaces."""
+        return next((one.target_index for one in self.interfaces.values()), 1.0)
 
     def plus(self, change: np.ndarray) -> RigState:
         """The state after a small change of all parameters."""
@@ -123,15 +141,16 @@ class RigState:
         if len(cameras) == 2:
             rotation = exponential(take(3)) @ rotation
             translation = translation + take(3)
+        target_index = self.target_index + float(take(1)[0]) if self.interfaces else 1.0
         interfaces = {}
         for place, old in self.interfaces.items():
-            normal = np.asarray(old.normal) + normal_basis(np.asarray(old.normal)) @ take(2)
+            layers = len(old.thicknesses)
+            normal = old.tilted(*take(2))
             distance = old.distance + float(take(1)[0])
-            indices = (old.indices[0], *(np.array(old.indices[1:]) + take(len(old.indices) - 1)))
-            thicknesses = np.array(old.thicknesses) + take(len(old.thicknesses))
-            interfaces[place] = FlatInterface(
-                normal / np.linalg.norm(normal), distance, indices, tuple(thicknesses)
-            )
+            thicknesses = np.array(old.thicknesses) + take(layers)
+            inner = np.array(old.indices[1:-1]) + take(layers)
+            indices = (old.indices[0], *inner, target_index)
+            interfaces[place] = FlatInterface(normal, distance, indices, thicknesses)
         return RigState(cameras, rotation, translation, interfaces)
 
     def minus(self, other: RigState) -> np.ndarray:
@@ -142,23 +161,16 @@ class RigState:
         if len(self.cameras) == 2:
             parts += [logarithm(self.rotation @ other.rotation.T)]
             parts += [self.translation - other.translation]
+        if self.interfaces:
+            parts += [np.array([self.target_index - other.target_index])]
         for place, interface in self.interfaces.items():
             before = other.interfaces[place]
-            basis = normal_basis(np.asarray(before.normal))
-            along = float(np.dot(interface.normal, before.normal))
-            parts += [basis.T @ np.asarray(interface.normal) / max(along, 1e-6)]
+            along = max(float(interface.normal @ before.normal), 1e-6)
+            parts += [tangents(before.normal) @ interface.normal / along]
             parts += [np.array([interface.distance - before.distance])]
-            parts += [np.array(interface.indices[1:]) - np.array(before.indices[1:])]
             parts += [np.array(interface.thicknesses) - np.array(before.thicknesses)]
+            parts += [np.array(interface.indices[1:-1]) - np.array(before.indices[1:-1])]
         return np.concatenate(parts)
-
-
-def normal_basis(normal: np.ndarray) -> np.ndarray:
-    """(3, 2) two unit directions perpendicular to the normal: x and y as nearly as can be."""
-    axis = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 0.0, -1.0])
-    first = axis - (axis @ normal) * normal
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(normal, first)])
 
 
 def exponential(vector: np.ndarray) -> np.ndarray:
