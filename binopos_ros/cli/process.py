@@ -52,12 +52,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
-    config = config_of_bag(arguments.config, arguments.bag)
-    pipeline = Pipeline(Parameters(config, arguments.ros_arguments).by_node())
     report = Report()
     with ExitStack() as stack:
         reader = stack.enter_context(BagReader(arguments.bag))
         topics = StereoTopics.find(reader)
+        config = config_of_bag(arguments.config, arguments.bag)
+        pipeline = Pipeline(Parameters(config, arguments.ros_arguments).by_node())
         writer = stack.enter_context(BagWriter(arguments.output))
         output = Output(writer, topics.namespace)
         table = Table(stack.enter_context(_opened(arguments.csv))) if arguments.csv else None
