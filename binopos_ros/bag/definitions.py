@@ -7,8 +7,10 @@ another distribution, or hold types that nobody here has installed.
 
 from __future__ import annotations
 
+import os
 import re
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from binopos_ros.bag.errors import BagError
@@ -91,3 +93,48 @@ def _one_line(error: BaseException) -> str:
     # The parser quotes the whole definition; its beginning is enough to find it.
     words = ' '.join(str(error).split()) or type(error).__name__
     return words if len(words) <= 100 else f'{words[:100]} ...'
+
+
+def installed_definition(type_name: str, type_hash: str = '') -> Definition:
+    """The definition of a type out of the `.msg` files of the sourced ROS environment.
+
+    Raises:
+        BagError: a file is missing.
+    """
+    texts: dict[str, str] = {}
+    waiting = [type_name]
+    while waiting:
+        name = waiting.pop(0)
+        if name not in texts:
+            texts[name] = _installed_text(name)
+            waiting += _field_types(name, texts[name])
+    first, *others = texts.items()
+    parts = [first[1]] + [
+        f'{_SEPARATOR}\nMSG: {name.replace("/msg/", "/")}\n{text}' for name, text in others
+    ]
+    return Definition('ros2msg', '\n'.join(part.rstrip('\n') for part in parts), type_hash)
+
+
+def _installed_text(type_name: str) -> str:
+    package, _, name = type_name.partition('/msg/')
+    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
+        path = Path(prefix) / 'share' / package / 'msg' / f'{name}.msg'
+        if prefix and path.is_file():
+            return path.read_text(encoding='utf-8')
+    message = f"no definition of '{type_name}' is installed: source the workspace that has it"
+    raise BagError(message)
+
+
+def _field_types(owner: str, text: str) -> list[str]:
+    """Message types of the fields in a `.msg` text."""
+    package = owner.partition('/')[0]
+    types: list[str] = []
+    for line in text.splitlines():
+        words = line.split('#', 1)[0].split()
+        base = re.sub(r'(\[.*\]|<=\d+)$', '', words[0]) if len(words) > 1 else ''
+        base = re.sub(r'<=\d+$', '', base)
+        if '/' in base:
+            types.append(full_name(base))
+        elif base[:1].isupper():
+            types.append(f'{package}/msg/{base}')
+    return types

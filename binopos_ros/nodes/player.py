@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import threading
 import time
 from collections import Counter
@@ -26,6 +25,7 @@ from binopos_ros.bag.playback import (
     chosen_topics,
 )
 from binopos_ros.nodes.diagnostics import StageDiagnostics
+from binopos_ros.nodes.interfaces import installed_class
 from binopos_ros.nodes.shell import RCLError, StageNode, one_line, run
 
 #: What the stages subscribe to, foremost first: a bag that holds the first plays through all.
@@ -350,10 +350,11 @@ class PlayerNode(StageNode):
         self._player.set_rate(options.rate)
 
     def _follow(self) -> None:
-        self._diagnostics.received['bag'] = self._diagnostics.published = self._player.published
+        published = self._player.published
+        self._diagnostics.received['bag'] = self._diagnostics.published = published
         self._diagnostics.error = self._player.error
         if self._player.finished.is_set():
-            self.get_logger().info(f'{self._player.published} messages played')
+            self.get_logger().info(f'{published} messages played')
             self.context.try_shutdown()
 
     def _on_pause(self) -> tuple[bool, str]:
@@ -409,13 +410,8 @@ def _message_class(info: TopicInfo) -> tuple[type | None, str]:
     """The installed class of a topic's type, or None and why there is none."""
     if info.encoding != 'cdr':
         return None, f"its messages are encoded as '{info.encoding}', not as 'cdr'"
-    package, kind, name = [*info.type.split('/'), '', ''][:3]
-    if kind != 'msg':
-        return None, f'{info.type or "it"} is no message type'
-    try:
-        return getattr(importlib.import_module(f'{package}.msg'), name), ''
-    except (ImportError, AttributeError):
-        return None, f'type {info.type} is not installed'
+    message_class = installed_class(info.type)
+    return message_class, '' if message_class else f'message type {info.type} is not installed'
 
 
 def _answering(
