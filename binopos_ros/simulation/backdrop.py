@@ -180,11 +180,15 @@ def sample(texture: Image, places: NDArray[Any]) -> Image:
 
 
 def mottled(
-    rng: np.random.Generator, side: int, base: tuple[float, float, float], contrast: float
+    rng: np.random.Generator,
+    side: int,
+    base: tuple[float, float, float],
+    contrast: float,
+    patches: tuple[int, ...] = (6, 14, 40, 110),
 ) -> Image:
-    """A square texture of a base colour with smooth random patches of several sizes."""
+    """A square texture of a base colour with smooth random patches, so many along its side."""
     pattern = np.zeros((side, side), np.float32)
-    for cells in (6, 14, 40, 110):
+    for cells in patches:
         grid = rng.standard_normal((cells, cells), dtype=np.float32)
         pattern += cv2.resize(grid, (side, side), interpolation=cv2.INTER_CUBIC) / 2
     tone = 1 + contrast * pattern

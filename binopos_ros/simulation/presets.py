@@ -132,9 +132,11 @@ def washbowl(choices: Choices = Choices(), half_size: bool = False) -> Scene:  #
     centre = np.array([aim @ first, aim @ second])
     radius = 0.30
     rng = choices.rng(TEXTURES)
-    floor = mottled(rng, 1024, (0.55, 0.58, 0.56), 0.05)
+    # Small pictures go without the finest patches, which would make up most of their JPEG.
+    patches = (6, 14, 40) if half_size else (6, 14, 40, 110)
+    floor = mottled(rng, 1024, (0.55, 0.58, 0.56), 0.05, patches)
     strew(floor, rng, _chosen(choices.distractors, 4), 0.62, 0.85, 0.07)
-    table = mottled(rng, 1024, (0.34, 0.30, 0.27), 0.12)
+    table = mottled(rng, 1024, (0.34, 0.30, 0.27), 0.03 if half_size else 0.12, patches)
     water = Water()
     basin = Basin(
         Boundary(normal, distance, 1.0, indices[0]), depth, centre, radius, floor, table, water
@@ -158,7 +160,7 @@ def washbowl(choices: Choices = Choices(), half_size: bool = False) -> Scene:  #
         backdrop=basin,
         path=path,
         disc=Disc(_chosen(choices.diameter, 0.06 if half_size else 0.05)),
-        sensor=_sensor(choices, Sensor(noise=1.0, quality=80) if half_size else Sensor()),
+        sensor=_sensor(choices, Sensor(noise=1.0, quality=75) if half_size else Sensor()),
         waves=waves,
         rate=_chosen(choices.rate, 30.0),
     )

@@ -66,6 +66,9 @@ def record(
     if pairs < 1:
         msg = f'{pairs} pairs make no bag: give 1 or more'
         raise SimulationError(msg)
+    if threads is not None and threads < 1:
+        msg = f'{threads} threads render nothing: give 1 or more'
+        raise SimulationError(msg)
     infos = camera_infos(scene.rig)
     times = scene.times(pairs)
     stamps = START_NS + np.rint(times * 1e9).astype(np.int64)

@@ -21,7 +21,7 @@ from binopos_ros.simulation.sensor import Image, Picture
 Array = NDArray[np.float64]
 
 #: Spacing of the rays that tell where the water's surface bends the view, px.
-NODE_SPACING = 8
+NODE_SPACING = 6
 #: Cells along each side of a pixel on the disc's edge.
 CELLS = 4
 #: Rows that are traced at once, to keep the memory small.
@@ -150,24 +150,28 @@ class Renderer:
         if wet and wet.finish():
             self._wet = wet
 
-    def _distance(self, rays: Rays, time: float) -> tuple[Array, Array]:
-        """Distance (m) from the rim to where rays meet the disc's plane, and the way there (m)."""
+    def _miss(self, rays: Rays, time: float) -> tuple[Array, Array]:
+        """How rays pass the disc: -1 at its centre, 0 on its rim, 1 far away; and their way to it.
+
+        With r from the centre and the disc's radius R it is (r^2 - R^2) / (r^2 + R^2), which stays
+        smooth where a ray is parallel to the disc's plane. The way is in metres.
+        """
         positions, normals = self.scene.path.poses(time)
         offset = rays.origins - positions[0]
         towards = dot(rays.directions, normals[0])
         valid = np.isfinite(towards) & (np.abs(towards) > 1e-9)
         steps = np.where(valid, -dot(offset, normals[0]) / np.where(valid, towards, 1), -1.0)
-        meet = offset + steps[:, None] * np.where(valid[:, None], rays.directions, 0)
-        radius = np.sqrt(dot(meet, meet))
-        # Large but finite where there is no hit, so that differences stay numbers.
-        missed = np.where(steps > 0, radius - self.scene.disc.diameter / 2, 1e3)
-        return np.minimum(missed, 1e3), np.maximum(steps, 0)
+        hits = offset + steps[:, None] * np.where(valid[:, None], rays.directions, 0)
+        squared = dot(hits, hits)
+        rim = (self.scene.disc.diameter / 2) ** 2
+        miss = np.where(steps > 0, (squared - rim) / (squared + rim), 1.0)
+        return miss, np.maximum(steps, 0)
 
     def _box_of_disc(self, nodes: Rays, time: float) -> Box | None:
         """Box of pixels that the disc may touch; None where it is out of the picture."""
-        miss = self._distance(nodes, time)[0].reshape(self._nodes.shape[:2])
+        miss = self._miss(nodes, time)[0].reshape(self._nodes.shape[:2])
         spread = np.maximum(np.abs(np.gradient(miss, axis=0)), np.abs(np.gradient(miss, axis=1)))
-        rows, columns = np.nonzero(miss < 1.5 * np.minimum(spread, 1.0) + 1e-9)
+        rows, columns = np.nonzero(miss < 1.5 * spread + 1e-9)
         if rows.size == 0:
             return None
         first, last = (
@@ -183,7 +187,7 @@ class Renderer:
         scene = self.scene
         pixels = box.pixels()
         rays = self._look(pixels, time)
-        miss, steps = self._distance(rays, time)
+        miss, steps = self._miss(rays, time)
         picture = miss.reshape(box.shape)
         reach = np.abs(np.gradient(picture, axis=0)) + np.abs(np.gradient(picture, axis=1))
         edge = (np.abs(picture) < reach).ravel()
@@ -207,9 +211,9 @@ class Renderer:
         ticks = (np.arange(CELLS) + 0.5) / CELLS - 0.5
         dv, du = np.meshgrid(ticks, ticks, indexing='ij')
         cells = pixels[:, None, None, :] + np.stack([du, dv], axis=-1)
-        miss = self._distance(self._look(cells, time), time)[0].reshape(-1, CELLS, CELLS)
+        miss = self._miss(self._look(cells, time), time)[0].reshape(-1, CELLS, CELLS)
         # In units of one cell, whose square is then of side 1.
-        slope_v, slope_u = np.gradient(miss, axis=(1, 2))
+        slope_v, slope_u = np.gradient(miss, axis=(1, 2), edge_order=2)
         return half_plane_coverage(miss, slope_u, slope_v).mean(axis=(1, 2))
 
 

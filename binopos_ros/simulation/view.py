@@ -55,14 +55,16 @@ class View:
             times: (N,) s, or one, for the waves.
 
         Returns:
-            (N, 2) px; nan where no ray was found, as beyond a caustic or at total reflection. A
-            pixel may lie outside the image.
+            (N, 2) px; nan for points that are not in the last medium, and where no ray was found,
+            as beyond a caustic or at total reflection. A pixel may lie outside the image.
         """
         points = np.atleast_2d(np.asarray(points, float))
         times = np.broadcast_to(np.asarray(times, float), points.shape[:1])
         normal = self.boundaries[-1].normal if self.boundaries else self.rotation[:, 2]
         straight = _turn(self.rotation.T, points - self.centre)
         seen = straight[:, 2] > 0
+        if self.boundaries:
+            seen &= dot(points, normal) > self.boundaries[-1].distance
         tangents = np.full((len(points), 2), np.nan)
         tangents[seen] = straight[seen, :2] / straight[seen, 2:]
         active = np.flatnonzero(seen)

@@ -80,11 +80,12 @@ class WaveSpectrum:
         if not (np.isfinite(self.rms_height) and self.rms_height >= 0):
             msg = f'wave height is {self.rms_height!r} m: give a finite value of 0 or more'
             raise SimulationError(msg)
-        if not 0 < self.lowest < self.highest or not self.peak > 0 or not self.depth > 0:
+        in_order = 0 < self.lowest <= self.peak <= self.highest and self.lowest < self.highest
+        if not (in_order and self.depth > 0):
             msg = (
                 f'waves of {self.lowest} to {self.highest} Hz with the peak at {self.peak} Hz on '
-                f'{self.depth} m of water do not exist: give 0 < lowest < highest, and peak and '
-                'depth above 0'
+                f'{self.depth} m of water do not exist: give a peak within the band, and a depth '
+                'above 0'
             )
             raise SimulationError(msg)
         if self.components < 1:
