@@ -1,4 +1,4 @@
-"""Bags that the simulator writes: read back, repeated byte by byte, and compared with the scene."""
+"""Bags that the simulator writes: read back, repeated byte by byte, held against the scene."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ from binopos_ros.simulation.target import Disc, HarmonicPath
 from binopos_ros.simulation.water import Water
 
 Array = NDArray[np.float64]
-#: What the pictures are allowed, px. Most of it is no fault of theirs: for a disc of few pixels the
-#: centre of mass of exact pixel areas itself wanders by 0.003 px about the disc's centre.
+#: What the pictures are allowed, px. Most of it is no fault of theirs: for a disc of few pixels
+#: the centre of mass of exact pixel areas itself wanders by 0.003 px about the disc's centre.
 TOLERANCE = 0.005
 CLEAR = Water(absorption=(0.0, 0.0, 0.0), scattering=0.0, veil=(0.0, 0.0, 0.0))
 DARKNESS = OpenWater(np.array([0, 1.0, 0]), 10.0, np.zeros((2, 2, 3), np.float32), CLEAR)

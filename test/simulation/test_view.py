@@ -58,7 +58,7 @@ def test_the_optics_room_projects_to_the_same_pixels(make: type, choices: Choice
 
 
 def test_waves_displace_by_the_first_order_rule() -> None:
-    """Over a depth h a slope s shifts the target by about h (1 - 1/n) s, seen from straight above."""
+    """Over a depth h a slope s shifts the target by h (1 - 1/n) s, seen from straight above."""
     camera = PinholeCamera(
         np.array([[900.0, 0, 640], [0, 900, 480], [0, 0, 1]]), np.zeros(5), (1280, 960)
     )
