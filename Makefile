@@ -12,7 +12,8 @@ demo: $(VENV)/ready
 	$(BIN)/binopos replay $(DEMO_BAG)
 
 test: check
-	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m 'not live' -n $(JOBS) --dist loadgroup $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m live $(PYTEST_ARGS)
 
 # Format, lint and types.
 check: $(VENV)/ready

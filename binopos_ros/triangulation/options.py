@@ -58,7 +58,14 @@ class InterfaceOptions:
             missing = 'indices' if self.normal else 'normal'
             msg = f'{name}.{missing} is missing: give {name}.normal and {name}.indices together'
             raise TriangulationError(msg)
-        return FlatInterface(self.normal, self.distance, self.indices, self.thicknesses)
+        interface = FlatInterface(self.normal, self.distance, self.indices, self.thicknesses)
+        if interface.normal[2] <= 0:
+            msg = (
+                f'{name}.normal = {list(self.normal)} points behind the camera: it must point '
+                "from the cameras into the target's medium, so its z is above 0"
+            )
+            raise TriangulationError(msg)
+        return interface
 
 
 @dataclass(frozen=True)

@@ -209,6 +209,7 @@ def test_total_reflection_gives_no_position_but_a_reason(good_bag, tmp_path):
     done = binopos(
         *('process', good_bag, '-o', tmp_path / 'out.mcap', '--ros-args'),
         *('-p', 'triangulator:interface.indices:=[4.0, 1.0]'),
+        *('-p', 'triangulator:interface.normal:=[0.6, 0.0, 0.8]'),
     )
     assert done.returncode == 1
     assert used(done) == 0

@@ -9,6 +9,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 
+pytestmark = pytest.mark.live
+
 NODES = {'detector': {}, 'triangulator': {'method': 'straight'}, 'smoother': {}}
 
 

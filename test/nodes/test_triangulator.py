@@ -13,6 +13,8 @@ from sensor_msgs.msg import CameraInfo
 from binopos_ros.bag.messages import position_of, stamp_of
 from binopos_ros.nodes.messages import pose_message
 
+pytestmark = pytest.mark.live
+
 WIDTH, HEIGHT, PIXEL_MM = 1920, 1200, 0.00586
 GLASS_INDEX, WATER_INDEX = 1.46, 1.33
 
