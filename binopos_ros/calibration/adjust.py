@@ -35,7 +35,8 @@ class View:
     Attributes:
         name: what the user calls it (the file's or message's name).
         points: (N, 3) in the board frame (m).
-        pixels: per camera (N, 2), nan where that camera does not see the point.
+        pixels: per camera (N, 2), nan where that camera does not see the point; one coordinate
+            alone may be nan as well.
         turns: whether the orientation is unknown; a ball has none.
     """
 
@@ -154,7 +155,8 @@ def adjust(
                 batch, state, current, free, prior, inlier.astype(float), scale
             )
     if sigma is None:
-        scale = max(_least_squares_sigma(residual, inlier, free, current), LEAST_SIGMA)
+        surplus = int(batch.coordinates[inlier].sum()) - int(free.sum()) - 6 * len(current)
+        scale = max(_least_squares_sigma(residual, inlier, surplus), LEAST_SIGMA)
         if prior is not None and prior.information.any():
             # The prior's weight against the pictures' depends on the scale.
             state, current, residual = _descend(
@@ -182,19 +184,21 @@ class _Batch:
         self.cameras = cameras
         self.points: list[np.ndarray] = []
         self.pixels: list[np.ndarray] = []
+        self.known: list[np.ndarray] = []
         self.owner: list[np.ndarray] = []
         self.rows: list[np.ndarray] = []
         for side in range(cameras):
-            seen = [np.isfinite(view.pixels[side]).all(axis=1) for view in views]
+            rows = [np.flatnonzero(np.isfinite(v.pixels[side]).any(axis=1)) for v in views]
+            pixels = np.concatenate([v.pixels[side][r] for v, r in zip(views, rows, strict=True)])
             self.points.append(
-                np.concatenate([v.points[s] for v, s in zip(views, seen, strict=True)])
+                np.concatenate([v.points[r] for v, r in zip(views, rows, strict=True)])
             )
-            self.pixels.append(
-                np.concatenate([v.pixels[side][s] for v, s in zip(views, seen, strict=True)])
-            )
-            self.owner.append(np.repeat(np.arange(len(views)), [int(s.sum()) for s in seen]))
-            self.rows.append(np.concatenate([np.flatnonzero(s) for s in seen]))
+            self.known.append(np.isfinite(pixels))
+            self.pixels.append(np.nan_to_num(pixels))
+            self.owner.append(np.repeat(np.arange(len(views)), [len(r) for r in rows]))
+            self.rows.append(np.concatenate(rows))
         self.count = sum(len(rows) for rows in self.rows)
+        self.coordinates = np.concatenate(self.known).sum(axis=1)
 
     def normal(
         self,
@@ -224,12 +228,14 @@ class _Batch:
             owner = self.owner[side]
             turned = np.einsum('nij,nj->ni', rotations[owner], self.points[side])
             seen = project(state, side, turned + translations[owner])
-            residual = self.pixels[side] - seen.pixels
+            known = self.known[side]
+            residual = np.where(known, self.pixels[side] - seen.pixels, 0.0)
             residuals.append(residual)
             weight = weights[first : first + len(owner)] / sigma**2
             first += len(owner)
-            by_pose = np.concatenate([seen.by_point @ -cross_matrices(turned), seen.by_point], 2)
-            by_rig = seen.by_rig[:, :, free].reshape(2 * len(owner), n)
+            by_point = seen.by_point * known[:, :, None]
+            by_pose = np.concatenate([by_point @ -cross_matrices(turned), by_point], axis=2)
+            by_rig = (seen.by_rig[:, :, free] * known[:, :, None]).reshape(2 * len(owner), n)
             weighted = by_rig * np.repeat(weight, 2)[:, None]
             normal.rig += by_rig.T @ weighted
             normal.rig_right += weighted.T @ residual.ravel()
@@ -358,10 +364,7 @@ def _robust_sigma(residual: np.ndarray) -> float:
     return float(np.median(np.sqrt(np.sum(residual**2, axis=1)))) / np.sqrt(2.0 * np.log(2.0))
 
 
-def _least_squares_sigma(
-    residual: np.ndarray, inlier: np.ndarray, free: np.ndarray, poses: Sequence[Pose]
-) -> float:
-    surplus = 2 * int(inlier.sum()) - int(free.sum()) - 6 * len(poses)
+def _least_squares_sigma(residual: np.ndarray, inlier: np.ndarray, surplus: int) -> float:
     if surplus <= 0:
         raise CalibrationError(
             'fewer measurements than unknowns: more views, or boards with more points, are needed'

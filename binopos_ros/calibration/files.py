@@ -1,4 +1,4 @@
-"""The calibration's files: two camera_info YAMLs, and the covariance beside them.
+"""The calibration's files: two camera_info YAMLs, the interface's parameters, the covariance.
 
 The rectification is Bouguet's as cv2.stereoRectify has it: both pictures turn by half, rows
 become epipolar lines, and R and P carry the extrinsics (see `optics.stereo_from_camera_infos`).
@@ -11,12 +11,24 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
-from binopos_ros.calibration.covariance import write_covariance
+from binopos_ros.calibration.covariance import (
+    ParameterCovariance,
+    read_covariance,
+    write_covariance,
+)
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.state import LEFT, RIGHT, SIDES, Camera, RigState
-from binopos_ros.optics import CameraInfo, write_camera_info
+from binopos_ros.calibration.interface import InterfaceCalibration
+from binopos_ros.calibration.state import LEFT, RIGHT, SIDES, TARGET_INDEX, Camera, RigState
+from binopos_ros.optics import (
+    CameraInfo,
+    read_camera_info,
+    stereo_from_camera_infos,
+    write_camera_info,
+)
 
+INTERFACE_FILE = 'interface.yaml'
 COVARIANCE_FILE = 'covariance.yaml'
 PLUMB_BOB, RATIONAL = 'plumb_bob', 'rational_polynomial'
 
@@ -58,11 +70,7 @@ def write_stereo(
     names: tuple[str, str] = SIDES,
 ) -> list[Path]:
     """Write left.yaml, right.yaml and covariance.yaml; the paths, in this order."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        msg = f'cannot make the folder {folder}: {error.strerror}'
-        raise CalibrationError(msg) from None
+    _make_folder(folder)
     paths = []
     for side, info in zip(SIDES, camera_infos(state, names), strict=True):
         path = folder / f'{side}.yaml'
@@ -89,3 +97,74 @@ def _info(name: str, camera: Camera, rectify: np.ndarray, project: np.ndarray) -
         r=tuple(map(float, np.asarray(rectify).ravel())),
         p=tuple(map(float, np.asarray(project).ravel())),
     )
+
+
+def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Path]:
+    """Write interface.yaml, the triangulator's parameters, and covariance.yaml; the paths."""
+    _make_folder(folder)
+    lines = [
+        '# What the cameras look through; a ROS 2 parameter file for --config and --params-file.',
+        '# Written by `binopos calibrate interface`. +- is one standard deviation.',
+        '/**/triangulator:',
+        '  ros__parameters:',
+    ]
+    index = calibration.deviation(TARGET_INDEX)
+    for place, interface in calibration.state.interfaces.items():
+        tilt = [calibration.deviation(f'{place}.normal.{i}') for i in (0, 1)]
+        distance = calibration.deviation(f'{place}.distance')
+        lines += [
+            f'    {place}:',
+            f'      normal: {_numbers(interface.normal)}  # +- {np.degrees(max(tilt)):.3f} deg',
+            f'      distance: {interface.distance!r}  # m, +- {distance:.5f}',
+            f'      indices: {_numbers(interface.indices)}  # the last +- {index:.5f}',
+        ]
+        if interface.thicknesses:
+            spread = ', '.join(
+                f'{calibration.deviation(f"{place}.thicknesses.{i}"):.5f}'
+                for i in range(len(interface.thicknesses))
+            )
+            lines += [f'      thicknesses: {_numbers(interface.thicknesses)}  # m, +- {spread}']
+    path = folder / INTERFACE_FILE
+    _write(path, '\n'.join(lines) + '\n')
+    covariance = folder / COVARIANCE_FILE
+    write_covariance(covariance, calibration.state, calibration.covariance)
+    return [path, covariance]
+
+
+def read_stereo(folder: Path) -> tuple[RigState, ParameterCovariance | None]:
+    """Read left.yaml and right.yaml of a folder, and covariance.yaml where it is there.
+
+    Raises:
+        CalibrationError: a file is missing. OpticsError: it cannot be used.
+    """
+    for side in SIDES:
+        if not (folder / f'{side}.yaml').is_file():
+            raise CalibrationError(
+                f'{folder} holds no {side}.yaml: give the folder that `binopos calibrate stereo` '
+                'has written'
+            )
+    infos = [read_camera_info(folder / f'{side}.yaml') for side in SIDES]
+    left, right, rotation, translation = stereo_from_camera_infos(*infos)
+    state = RigState((Camera.of(left), Camera.of(right)), rotation, translation)
+    path = folder / COVARIANCE_FILE
+    return state, read_covariance(path) if path.is_file() else None
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        msg = f'cannot make the folder {folder}: {error.strerror}'
+        raise CalibrationError(msg) from None
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding='utf-8')
+    except OSError as error:
+        msg = f'cannot write {path}: {error.strerror}'
+        raise CalibrationError(msg) from None
+
+
+def _numbers(values: ArrayLike) -> str:
+    return f'[{", ".join(repr(float(value)) for value in np.ravel(values))}]'

@@ -298,14 +298,14 @@ def _straight_poses(air: RigState, views: Sequence[View]) -> list[Pose]:
 def _straight_pose(camera: Camera, view: View, side: int) -> Pose | None:
     if view.turns:
         return guess_pose(camera, view.points, view.pixels[side])
-    seen = np.isfinite(view.pixels[side]).all(axis=1)
+    seen = np.isfinite(view.pixels[side]).any(axis=1)
     if seen.sum() < 3:
         return None
-    rays = camera.pinhole().unproject(view.pixels[side][seen])
-    points = view.points[seen]
-    wide = np.linalg.norm(points - points.mean(axis=0), axis=1).mean()
-    angle = np.linalg.norm(rays - rays.mean(axis=0), axis=1).mean()
-    return Pose(np.eye(3), rays.mean(axis=0) * wide / angle - points.mean(axis=0))
+    # A ball's outline: where it is, and from its width how far.
+    middle = np.nanmean(view.pixels[side][seen], axis=0)
+    reach = np.nanmean(np.abs(view.pixels[side][seen] - middle)) / camera.focal[0]
+    radius = np.linalg.norm(view.points[seen], axis=1).mean()
+    return Pose(np.eye(3), camera.pinhole().unproject(middle) * radius / reach)
 
 
 def _sunk(pose: Pose, view: View, state: RigState) -> Pose:

@@ -1,0 +1,79 @@
+"""Calibrations as a person reads them in a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from binopos_ros.calibration.interface import InterfaceCalibration
+from binopos_ros.calibration.state import LEFT, RIGHT, SIDES, TARGET_INDEX
+from binopos_ros.calibration.stereo import StereoCalibration
+from binopos_ros.calibration.verdicts import advice, verdicts
+from binopos_ros.calibration.views import Dropped
+
+
+def summarise_stereo(calibration: StereoCalibration) -> str:
+    """The outcome of `calibrate stereo`."""
+    fit = calibration.adjustment
+    rows = [
+        ('views used', f'{len(calibration.views)} of the {calibration.board}'),
+        ('lens', calibration.lens_choice),
+    ]
+    for side in (LEFT, RIGHT):
+        camera, name = fit.state.cameras[side], SIDES[side]
+        focal = fit.deviation(f'{name}.fx')
+        centre = max(fit.deviation(f'{name}.cx'), fit.deviation(f'{name}.cy'))
+        rows += [
+            (
+                f'{name} focal length',
+                f'{camera.focal[0]:.2f}, {camera.focal[1]:.2f} px (+- {focal:.2f})',
+            ),
+            (
+                f'{name} principal point',
+                f'{camera.centre[0]:.2f}, {camera.centre[1]:.2f} px (+- {centre:.2f})',
+            ),
+        ]
+    baseline = 1000 * float(np.linalg.norm(fit.state.translation))
+    spread = 1000 * max(fit.deviation(f'translation.{axis}') for axis in 'xyz')
+    held_out = calibration.held_out
+    rows += [
+        ('baseline', f'{baseline:.2f} mm (+- {spread:.2f})'),
+        ('reprojection RMS', f'{fit.rms():.3f} px'),
+        ('held-out RMS, board posed by both', f'{held_out.rms:.3f} px'),
+        ('held-out RMS, posed by the left alone', f'{held_out.transfer:.3f} px'),
+    ]
+    return _table(rows) + _dropped(calibration.dropped)
+
+
+def summarise_interface(calibration: InterfaceCalibration) -> str:
+    """The outcome of `calibrate interface`."""
+    rows: list[tuple[str, str]] = []
+    if calibration.adjustment is not None:
+        rows += [
+            ('views used', str(len(calibration.views))),
+            ('reprojection RMS', f'{calibration.adjustment.rms():.3f} px'),
+        ]
+    rows += [(TARGET_INDEX, f'{calibration.state.target_index:.5f}')]
+    for place, interface in calibration.state.interfaces.items():
+        normal = ', '.join(f'{x:.5f}' for x in interface.normal)
+        rows += [
+            (f'{place}.normal', f'[{normal}]'),
+            (f'{place}.distance', f'{interface.distance:.5f} m'),
+        ]
+        rows += [
+            (f'{place}.thicknesses.{i}', f'{t:.5f} m') for i, t in enumerate(interface.thicknesses)
+        ]
+    words = [f'  {verdict.text}' for verdict in verdicts(calibration)]
+    return '\n'.join([_table(rows), *words, f'Next: {advice(calibration)}'])
+
+
+def _table(rows: Sequence[tuple[str, str]]) -> str:
+    width = max(len(name) for name, _ in rows)
+    return '\n'.join(f'  {name:<{width}}  {value}' for name, value in rows)
+
+
+def _dropped(dropped: Sequence[Dropped]) -> str:
+    if not dropped:
+        return ''
+    return '\nleft out:\n' + '\n'.join(f'  {one}' for one in dropped)
