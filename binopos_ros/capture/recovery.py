@@ -131,6 +131,12 @@ class SteadyCamera:
         self._seen_at: float | None = None
         self._failures = 0
 
+    @property
+    def node(self) -> str:
+        """The device node that is open now, or ''."""
+        device = self._device
+        return device.path if device is not None else ''
+
     def check(self) -> None:
         """Open the camera and set it up once, to know at the start whether that is possible.
 
