@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -59,6 +60,7 @@ class RecorderNode(StageNode):
         self._settings = settings
         self._wanted = {self.resolve_topic_name(topic) for topic in (settings.topics or SUITE)}
         self._seen: set[str] = set()
+        self._recorded: set[str] = set()
         self._lost: dict[str, int] = {}
         self._recording = Recording(settings)
         self._diagnostics = StageDiagnostics(self, settings.bag, self._details)
@@ -69,14 +71,16 @@ class RecorderNode(StageNode):
         """Finish the bag."""
         if hasattr(self, '_recording'):
             self._recording.close()
-            self._heed_failure()
-            if not self.failure:
-                lost = sum(self._lost.values()) + self._recording.overflow
-                self.get_logger().info(
-                    f'{self._recording.written} messages of {len(self._seen)} topics '
-                    f'in {self._settings.bag}, {lost} lost'
-                )
+            self.failure = self._recording.failure
         super().destroy_node()
+
+    def summary(self) -> str:
+        """What was recorded, in a line."""
+        lost = sum(self._lost.values()) + self._recording.overflow
+        return (
+            f'{self._settings.bag}: {self._recording.written} messages of '
+            f'{len(self._recorded)} topics recorded, {lost} lost'
+        )
 
     def _discover(self) -> None:
         self._heed_failure()
@@ -100,6 +104,7 @@ class RecorderNode(StageNode):
         except BagError as error:
             self.get_logger().warning(f'topic {topic} is not recorded: {error}')
             return
+        self._recorded.add(topic)
         self._recording.add_topic(
             topic, type_name, tuple(_offer(offer.qos_profile) for offer in offers), definition
         )
@@ -131,16 +136,15 @@ class RecorderNode(StageNode):
         return lose
 
     def _heed_failure(self) -> None:
-        if self._recording.failure and not self.failure:
-            self.failure = self._recording.failure
-            self._diagnostics.error = self.failure
-            self.get_logger().error(self.failure)
+        if self._recording.failure:
+            self._diagnostics.error = self._recording.failure
+            self._diagnostics.publish()
             self.context.try_shutdown()
 
     def _details(self) -> dict[str, object]:
         return {
             'Bag': self._settings.bag,
-            'Topics': len(self._seen),
+            'Topics': len(self._recorded),
             **{f'Lost {topic}': count for topic, count in sorted(self._lost.items())},
         }
 
@@ -202,4 +206,10 @@ def record(arguments: Sequence[str] | None = None, **options: Any) -> int:
         return nodes[0]
 
     status = run([recorder], arguments)
-    return status or int(any(node.failure for node in nodes))
+    for node in nodes:
+        # Its logger went down with the context.
+        print(node.summary(), flush=True)
+        if node.failure:
+            print(f'recorder: {node.failure}', file=sys.stderr)
+            return 1
+    return status
