@@ -11,8 +11,8 @@ Errors that all pairs share (where the interface lies, where a known plane lies)
 out. They are *considered* (Schmidt's filter): never estimated, but their correlation with the
 estimate is kept, so that no number of pairs makes it surer than they allow.
 
-Waves disturb neighbouring pairs alike, and pixels may be noisier than they claim: when the
-innovations are larger than stated, or alike from pair to pair, each pair counts for less.
+Waves disturb neighbouring pairs alike, and pixels may be noisier than they claim: what the data
+say is discounted by how their innovations scatter (see `scatter.py`).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from binopos_ros.optics import StereoRig
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.evidence import STEP, Clue, Evidence, gather_evidence
+from binopos_ros.triangulation.scatter import InnovationScatter
 
 Array = NDArray[np.float64]
 
@@ -41,13 +42,6 @@ OFF_PLANE = 'outlier: target not in the known plane'
 _RELINEARISE = 1e-3
 _MAX_LINEARISATIONS = 4
 _LARGEST_INDEX = 4.0
-#: Weight of the newest pair in the statistics of the innovations: some 100 pairs count.
-_MEMORY = 0.02
-#: 99.9 % bounds over 100 pairs: of the mean squared innovation, and of their correlation.
-_CONSISTENT, _CORRELATED = 1.49, 0.33
-_MOST_CORRELATED = 0.95
-#: Share of outliers at which it is the estimate that is wrong, not the pairs.
-_LOST = 0.5
 
 
 @dataclass(frozen=True)
@@ -57,8 +51,8 @@ class IndexState:
     Attributes:
         mean: refractive index of the target's medium.
         std: its standard deviation.
-        observed: True where the data say at least as much about the index as the prior does, and
-            agree with the model; False where the estimate rests on the prior.
+        observed: True where the data, discounted by their scatter, say at least as much about the
+            index as the prior does; False where the estimate rests on the prior.
         frame_index: the index that this pair alone gives (the paper's mean refractive index of
             the frame); nan where it gives none.
         frame_index_std: its standard deviation; nan with it.
@@ -88,11 +82,19 @@ class _Belief:
 
 
 class _Verdict(NamedTuple):
-    """A belief, the normalised innovation that led to it (None: no clue), why it did not."""
+    """What became of a clue.
+
+    Attributes:
+        belief: after it.
+        reason: '' or why it was not used.
+        score: its normalised innovation; None where there was no clue.
+        persistent: share of the innovation's variance that does not change from pair to pair.
+    """
 
     belief: _Belief
-    score: float | None
     reason: str
+    score: float | None = None
+    persistent: float = 0.0
 
 
 class IndexEstimator:
@@ -104,7 +106,7 @@ class IndexEstimator:
         drift: standard deviation of the index's change within a second; it grows with the square
             root of time. 0: the index is constant. 1e-4 lets it move by 0.006 in an hour.
         known_plane: a plane that the target is known to lie in.
-        interface_covariance: (K,K) of the errors of the rig's surfaces, in the order and units of
+        parameter_covariance: (K,K) of the errors of the rig's surfaces, in the order and units of
             `StereoRig.parameter_names`; its row and column of target_index are not used.
         gate: innovations beyond this many standard deviations are outliers and not used.
         huber: innovations beyond this many standard deviations weigh less (Huber's weight).
@@ -120,7 +122,7 @@ class IndexEstimator:
         *,
         drift: float = 0.0,
         known_plane: KnownPlane | None = None,
-        interface_covariance: ArrayLike | None = None,
+        parameter_covariance: ArrayLike | None = None,
         gate: float = 4.0,
         huber: float = 2.0,
     ) -> None:
@@ -138,7 +140,7 @@ class IndexEstimator:
         self._rate = drift**2 / (2.0 * self._prior_variance)
         self._plane = known_plane
         self._gate, self._huber = gate, huber
-        self._errors = _principal_errors(interface_covariance)
+        self._errors = _principal_errors(parameter_covariance)
         # The surfaces' errors are counted in their own deviations, the plane's in metres.
         plane = [] if known_plane is None else [known_plane.std**2]
         self._considered = np.diag([1.0] * len(self._errors) + plane)
@@ -153,7 +155,7 @@ class IndexEstimator:
     def _restart(self) -> None:
         shared = np.zeros(len(self._considered))
         self._belief = _Belief(self._prior_mean, self._prior_variance, shared)
-        self._square, self._product, self._last, self._outliers = 1.0, 0.0, 0.0, 0.0
+        self._scatter = InnovationScatter()
 
     def update(
         self,
@@ -202,7 +204,7 @@ class IndexEstimator:
                 return assumed, changes
         if len(self._errors) and self._errors.shape[1] != len(rig.parameter_names):
             msg = (
-                f'interface covariance is for {self._errors.shape[1]} parameters, and the rig has '
+                f'parameter covariance is for {self._errors.shape[1]} parameters, and the rig has '
                 f'{len(rig.parameter_names)}: {", ".join(rig.parameter_names)}'
             )
             raise TriangulationError(msg)
@@ -225,69 +227,71 @@ class IndexEstimator:
         if evidence.clue.gain * PAIR_STD_LIMIT >= 1.0:
             verdict = self._follow(prior, evidence.at, evidence.clue, OUTLIER)
         else:
-            verdict = _Verdict(prior, None, NOT_OBSERVABLE)
+            verdict = _Verdict(prior, NOT_OBSERVABLE)
         if self._plane is None or verdict.reason == OUTLIER:
             return verdict
         held = self._follow(verdict.belief, evidence.at, self._plane.clue(evidence), OFF_PLANE)
-        return held if verdict.score is None else held._replace(score=verdict.score)
+        if verdict.score is None or held.reason:
+            return held
+        return verdict._replace(belief=held.belief)
 
     def _follow(self, prior: _Belief, at: float, clue: Clue, outlier: str) -> _Verdict:
         """Schmidt's update of the belief by one clue, gated and with Huber's weight."""
-        considered = len(self._considered)
-        shared = np.concatenate([clue.shared, np.zeros(considered - len(clue.shared))])
+        shared = np.zeros(len(self._considered))
+        shared[: len(clue.shared)] = clue.shared
         innovation = clue.innovation - clue.gain * (prior.mean - at)
         cross = float(shared @ prior.shared)
         carried = self._considered @ shared
         spread = clue.gain * (clue.gain * prior.variance + 2.0 * cross) + float(shared @ carried)
         score = innovation / math.sqrt(spread + 1.0)
-        if abs(score) > self._gate:
-            return _Verdict(prior, score, outlier)
-        total = spread + self._noise() * max(1.0, abs(score) / self._huber)
+        usual = abs(score) / math.sqrt(self._scatter.excess)
+        persistent = spread / (spread + 1.0)
+        if usual > self._gate:
+            return _Verdict(prior, outlier, score, persistent)
+        total = spread + max(1.0, usual / self._huber)
         step = (clue.gain * prior.variance + cross) / total
         belief = _Belief(
             prior.mean + step * innovation,
             prior.variance - step * step * total,
             prior.shared - step * (clue.gain * prior.shared + carried),
         )
-        return _Verdict(belief, score, '')
-
-    def _noise(self) -> float:
-        """Variance to count a pair with: 1 while the innovations are as small as they claim.
-
-        Alike innovations, of correlation c from pair to pair, hold as much as a share
-        (1 - c) / (1 + c) of independent ones.
-        """
-        noise = self._square if self._square > _CONSISTENT else 1.0
-        alike = min(self._product / self._square, _MOST_CORRELATED)
-        return noise * (1.0 + alike) / (1.0 - alike) if alike > _CORRELATED else noise
+        return _Verdict(belief, '', score, persistent)
 
     def _judge(self, verdict: _Verdict) -> None:
-        """Keep the statistics of the innovations; start again when most pairs are outliers."""
+        """Keep count of the scatter; start again where it says that the estimate is wrong."""
         if verdict.score is None:
             return
-        outlier = verdict.reason != ''
-        self._outliers += _MEMORY * (outlier - self._outliers)
-        if not outlier:
-            self._square += _MEMORY * (verdict.score**2 - self._square)
-            self._product += _MEMORY * (verdict.score * self._last - self._product)
-            self._last = verdict.score
-        if self._outliers > _LOST:
+        if verdict.reason:
+            self._scatter.add_outlier()
+        else:
+            self._scatter.add(verdict.score, verdict.persistent)
+        if self._scatter.lost:
             self._restart()
 
+    def _discounted(self) -> _Belief:
+        """The belief with what the data say, beyond the prior, discounted by their scatter."""
+        belief, discount = self._belief, self._scatter.discount
+        told = 1.0 / belief.variance - 1.0 / self._prior_variance
+        if discount == 1.0 or told <= 0.0:
+            return belief
+        variance = 1.0 / (1.0 / self._prior_variance + told / discount)
+        # The data's weight in the mean, as it was and as it is now.
+        share = (1.0 - variance / self._prior_variance) / (told * belief.variance)
+        mean = self._prior_mean + share * (belief.mean - self._prior_mean)
+        return _Belief(mean, variance, share * belief.shared)
+
     def _state(self, evidence: Evidence, reason: str) -> IndexState:
-        belief, clue = self._belief, evidence.clue
+        belief, clue = self._discounted(), evidence.clue
         telling = clue.gain * PAIR_STD_LIMIT >= 1.0
         if self._plane is not None and reason in ('', NOT_OBSERVABLE):
             evidence = self._plane.hold(evidence)
         by_index, by_shared = evidence.by_index, evidence.by_shared
-        correlated = np.outer(by_index, by_shared @ belief.shared[: by_shared.shape[1]])
-        considered = self._considered[: by_shared.shape[1], : by_shared.shape[1]]
+        count = by_shared.shape[1]
+        correlated = np.outer(by_index, by_shared @ belief.shared[:count])
         return IndexState(
             mean=belief.mean,
             std=math.sqrt(belief.variance),
-            observed=(
-                belief.variance <= 0.5 * self._prior_variance and self._square <= _CONSISTENT
-            ),
+            observed=belief.variance <= 0.5 * self._prior_variance,
             frame_index=evidence.at + clue.innovation / clue.gain if telling else math.nan,
             frame_index_std=1.0 / clue.gain if telling else math.nan,
             reason=reason,
@@ -297,7 +301,7 @@ class IndexEstimator:
                 + belief.variance * np.outer(by_index, by_index)
                 + correlated
                 + correlated.T
-                + by_shared @ considered @ by_shared.T
+                + by_shared @ self._considered[:count, :count] @ by_shared.T
             ),
         )
 
@@ -308,13 +312,13 @@ def _principal_errors(covariance: ArrayLike | None) -> Array:
         return np.zeros((0, 0))
     given = np.array(covariance, dtype=np.float64)
     if given.ndim != 2 or given.shape[0] != given.shape[1] or not np.isfinite(given).all():
-        msg = f'interface covariance of shape {given.shape}: give (K, K) finite numbers'
+        msg = f'parameter covariance of shape {given.shape}: give (K, K) finite numbers'
         raise TriangulationError(msg)
     given[0, :] = given[:, 0] = 0.0
     scale = np.sqrt(np.maximum(np.diag(given), 0.0))
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(given / np.outer(scale, scale))
     if not np.allclose(given, given.T) or values[0] < -1e-9:
-        msg = 'interface covariance is not symmetric and positive semidefinite'
+        msg = 'parameter covariance is not symmetric and positive semidefinite'
         raise TriangulationError(msg)
     return (vectors * np.sqrt(np.maximum(values, 0.0)) * scale[:, None]).T[values > 1e-9]

@@ -1,0 +1,78 @@
+"""How an estimator's innovations scatter, against how they should: unit variance, independent.
+
+Noise that is larger than stated, or alike in neighbouring pairs (waves), makes an estimate surer
+than its data allow. Both show in the innovations, and so does an estimate that has gone wrong.
+The statistics forget: some 200 pairs count.
+"""
+
+from __future__ import annotations
+
+#: Weight of the newest pair, and how many pairs of stated scatter the statistics start with.
+MEMORY = 0.01
+START = 50
+#: 99.9 % bounds over 200 independent pairs, of the mean square and of the correlation.
+LARGEST_SQUARE, LARGEST_CORRELATION = 1.34, 0.22
+MOST_CORRELATED = 0.95
+#: Share of outliers at which it is the estimate that is wrong, and not the pairs.
+MOST_OUTLIERS = 0.5
+#: Deviations of the mean innovation at which the estimate is wrong.
+LARGEST_SHIFT = 5.0
+
+
+class InnovationScatter:
+    """Running statistics of normalised innovations."""
+
+    def __init__(self) -> None:
+        self._count = START
+        self._mean, self._last = 0.0, 0.0
+        self._square, self._product = 1.0, 0.0
+        self._outliers = 0.0
+        self._persistent = 0.0
+
+    def add(self, score: float, persistent: float) -> None:
+        """Take a normalised innovation that was used.
+
+        Args:
+            score: the innovation over its standard deviation.
+            persistent: the share of its variance that other pairs have in common with it (the
+                estimate's own, and that of errors which all pairs share).
+        """
+        weight = self._next_weight()
+        deviation = score - self._mean
+        self._mean += weight * deviation
+        self._square += weight * (deviation * deviation - self._square)
+        self._product += weight * (deviation * self._last - self._product)
+        self._persistent += weight * (persistent - self._persistent)
+        self._outliers -= weight * self._outliers
+        self._last = deviation
+
+    def add_outlier(self) -> None:
+        """Take an innovation that was not used."""
+        self._outliers += self._next_weight() * (1.0 - self._outliers)
+
+    def _next_weight(self) -> float:
+        self._count += 1
+        return max(MEMORY, 1.0 / self._count)
+
+    @property
+    def excess(self) -> float:
+        """Variance of the innovations over the stated one; 1 while chance explains it."""
+        return self._square if self._square > LARGEST_SQUARE else 1.0
+
+    @property
+    def discount(self) -> float:
+        """By how much the data say less than their stated noise makes them; at least 1.
+
+        Innovations of correlation c from pair to pair hold a share (1 - c) / (1 + c) of what
+        independent ones do.
+        """
+        alike = min(self._product / self._square, MOST_CORRELATED)
+        if alike <= LARGEST_CORRELATION:
+            return self.excess
+        return self.excess * (1.0 + alike) / (1.0 - alike)
+
+    @property
+    def lost(self) -> bool:
+        """Whether the estimate itself is wrong: mostly outliers, or innovations off centre."""
+        expected = self._persistent + self.discount * MEMORY
+        return self._outliers > MOST_OUTLIERS or self._mean**2 > LARGEST_SHIFT**2 * expected
