@@ -38,8 +38,8 @@ NOT_OBSERVABLE = 'index not observable from this pair'
 OUTLIER = 'outlier: both rays disagree at any likely index'
 OFF_PLANE = 'outlier: target not in the known plane'
 
-#: Shift of the index within one update that makes the linearisation worth repeating.
-_RELINEARISE = 1e-3
+#: Shift of the index that makes the linearisation worth repeating; what is left is below 2e-5.
+_RELINEARISE = 3e-3
 _MAX_LINEARISATIONS = 4
 _LARGEST_INDEX = 4.0
 
