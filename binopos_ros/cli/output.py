@@ -52,7 +52,7 @@ class Output:
         position = event.position
         covariance = messages.pose_covariance(position.covariance)
         self._pose('target/position', position, position.point, covariance)
-        index = (position.index, position.index_std, float(position.index_observed))
+        index = (position.index.mean, position.index.std, float(position.index.observed))
         vector = messages.vector3(position.stamp, position.frame_id, index)
         self._write('target/refractive_index', position.stamp, vector)
         if event.pose is None:
@@ -93,8 +93,8 @@ class Table:
                 seconds_text(position),
                 *filtered,
                 *position.point.tolist(),
-                float(position.index),
-                float(position.index_std),
+                float(position.index.mean),
+                float(position.index.std),
             ]
         )
 

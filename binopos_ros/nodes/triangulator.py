@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from functools import partial
 
@@ -15,7 +16,7 @@ from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode, run
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.pairing import SIDES
-from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
+from binopos_ros.triangulation.stage import Centroid, Drop, Index, Position, Triangulator
 
 
 class TriangulatorNode(StageNode):
@@ -26,6 +27,7 @@ class TriangulatorNode(StageNode):
         options = self.declare_options(TriangulatorOptions, self._configure)
         self.refuse_unknown_parameters()
         self._triangulator = Triangulator(options)
+        self._newest: Index | None = None
         self._diagnostics = StageDiagnostics(self, 'stereo rig', self._details)
         self._position = self.publisher(PoseWithCovarianceStamped, 'target/position')
         self._index = self.publisher(Vector3Stamped, 'target/refractive_index')
@@ -76,14 +78,27 @@ class TriangulatorNode(StageNode):
                 )
             )
             index = Vector3Stamped(header=messages.header(result.stamp, result.frame_id))
-            index.vector.x = result.index
-            index.vector.y = result.index_std
-            index.vector.z = float(result.index_observed)
+            index.vector.x = result.index.mean
+            index.vector.y = result.index.std
+            index.vector.z = float(result.index.observed)
             self._index.publish(index)
+            self._newest = result.index
             self._diagnostics.published += 1
 
     def _details(self) -> dict[str, object]:
-        return {'Pairs': self._triangulator.pairs}
+        details: dict[str, object] = {'Pairs': self._triangulator.pairs}
+        if self._newest is not None:
+            details['Refractive index'] = f'{self._newest.mean:.5f}'
+            details['Refractive index, standard deviation'] = f'{self._newest.std:.5f}'
+            details['Refractive index rests on'] = (
+                'observation' if self._newest.observed else 'the prior only'
+            )
+            details['Refractive index of the newest pair alone'] = (
+                f'{self._newest.frame:.4f}'
+                if math.isfinite(self._newest.frame)
+                else 'not determined'
+            )
+        return details
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from binopos_ros.optics import FlatInterface
+from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
+from binopos_ros.triangulation.index import IndexEstimator
+from binopos_ros.triangulation.seawater import index_prior
 
 METHODS = ('refractive', 'paper', 'straight')
 
@@ -68,6 +72,80 @@ class InterfaceOptions:
         return interface
 
 
+def _number(default: float | None, description: str, unit: str, low: float, high: float) -> Any:
+    metadata = {'description': description, 'unit': unit, 'range': (low, high)}
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class IndexOptions:
+    """What is known beforehand of the refractive index of the target's medium."""
+
+    prior: str = field(
+        default='given',
+        metadata={
+            'description': "given: the last of the interface's indices, with index.std; "
+            'water: computed from temperature, salinity, wavelength and depth',
+            'choices': ('given', 'water'),
+        },
+    )
+    std: float = _number(
+        0.0,
+        'standard deviation of the given index. Above 0 the index is followed live; '
+        '0: it is taken for exact',
+        '1',
+        0.0,
+        0.5,
+    )
+    drift: float = _number(
+        0.0, 'standard deviation of its change within a second', '1/sqrt(s)', 0.0, 0.1
+    )
+    temperature: float = _number(20.0, 'of the water', 'C', 0.0, 30.0)
+    temperature_std: float = _number(1.0, 'its standard deviation', 'C', 0.0, 30.0)
+    salinity: float = _number(0.0, 'of the water', 'g/kg', 0.0, 43.0)
+    salinity_std: float = _number(0.5, 'its standard deviation', 'g/kg', 0.0, 43.0)
+    wavelength: float = _number(620.0, "of the target's light", 'nm', 400.0, 700.0)
+    wavelength_std: float = _number(15.0, 'its standard deviation', 'nm', 0.0, 150.0)
+    depth: float = _number(0.0, 'of the target under the sea surface', 'm', 0.0, 11000.0)
+    target_depth: float | None = _number(
+        None, 'depth of the target beyond the last surface, where it is known', 'm', 0.001, 100.0
+    )
+    target_depth_std: float = _number(0.001, 'its standard deviation', 'm', 1e-6, 10.0)
+
+    @property
+    def is_estimated(self) -> bool:
+        """Whether the index is followed live."""
+        return self.prior == 'water' or self.std > 0
+
+    def estimator(self, interface: FlatInterface | None, index: float) -> IndexEstimator | None:
+        """The live estimate of the index, or None where the given one is taken for exact.
+
+        Raises:
+            TriangulationError: conditions outside the formula, or an impossible known depth.
+        """
+        if not self.is_estimated:
+            return None
+        mean, std = index, self.std
+        if self.prior == 'water':
+            computed = index_prior(
+                self.temperature,
+                self.salinity,
+                self.wavelength,
+                self.depth,
+                temperature_std=self.temperature_std,
+                salinity_std=self.salinity_std,
+                wavelength_std_nm=self.wavelength_std,
+            )
+            mean, std = computed.mean, computed.std
+        plane = None
+        if self.target_depth is not None:
+            if interface is None:
+                msg = 'index.target_depth needs a shared interface: give interface.*'
+                raise TriangulationError(msg)
+            plane = KnownPlane.at_depth(interface, self.target_depth, self.target_depth_std)
+        return IndexEstimator(mean, std, drift=self.drift, known_plane=plane)
+
+
 @dataclass(frozen=True)
 class TriangulatorOptions:
     """Options of the triangulation stage."""
@@ -100,6 +178,7 @@ class TriangulatorOptions:
     interface: InterfaceOptions = field(default_factory=InterfaceOptions)
     left_port: InterfaceOptions = field(default_factory=InterfaceOptions)
     right_port: InterfaceOptions = field(default_factory=InterfaceOptions)
+    index: IndexOptions = field(default_factory=IndexOptions)
 
     def __post_init__(self) -> None:
         has_interface = any(self.interfaces())
@@ -110,6 +189,18 @@ class TriangulatorOptions:
                 "or choose method 'straight'"
             )
             raise TriangulationError(msg)
+        if self.method != 'refractive' and self.index.is_estimated:
+            msg = (
+                f'method {self.method!r} cannot follow the index: '
+                "set index.std to 0 and index.prior to 'given'"
+            )
+            raise TriangulationError(msg)
+
+    def estimator(self) -> IndexEstimator | None:
+        """The live estimate of the index, or None where the given one is taken for exact."""
+        shared, left, _ = self.interfaces()
+        nearest = shared or left
+        return self.index.estimator(shared, nearest.target_index) if nearest else None
 
     def interfaces(
         self,

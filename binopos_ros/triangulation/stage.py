@@ -5,6 +5,7 @@ It is the same object in the live node and in `binopos process`.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,20 +35,32 @@ class Centroid:
 
 
 @dataclass(frozen=True)
+class Index:
+    """The refractive index of the target's medium that a position rests on.
+
+    `std` is 0 where the index is taken for exact; `observed` tells whether the rays determine it,
+    or the prior alone; `frame` is what this pair alone gives (the paper's mean refractive index of
+    the frame), nan where that is not determined.
+    """
+
+    mean: float
+    std: float = 0.0
+    observed: bool = False
+    frame: float = math.nan
+
+
+@dataclass(frozen=True)
 class Position:
     """A target position in the rig frame: (3,) m and its (3, 3) covariance m^2.
 
-    `stamp` (nanoseconds) and `frame_id` are those of the left image; `index` is the refractive
-    index of the target's medium that was used, `index_std` its standard deviation.
+    `stamp` (nanoseconds) and `frame_id` are those of the left image.
     """
 
     stamp: int
     frame_id: str
     point: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    index: float
-    index_std: float
-    index_observed: bool
+    index: Index
 
 
 @dataclass(frozen=True)
@@ -68,6 +81,7 @@ class Triangulator:
         self._matcher = _matcher(options)
         self._options = options
         self._interfaces = options.interfaces()
+        self._estimator = options.estimator()
         self.pairs = 0
 
     def configure(self, options: TriangulatorOptions) -> None:
@@ -77,6 +91,7 @@ class Triangulator:
             TriangulationError, OpticsError: the options do not make a rig.
         """
         self._interfaces = options.interfaces()
+        self._estimator = options.estimator()
         if options.pair_tolerance != self._options.pair_tolerance:
             self._matcher = _matcher(options)
         self._options = options
@@ -134,36 +149,26 @@ class Triangulator:
 
     def _triangulate(self, rig: StereoRig, pair: Pair[Centroid]) -> Position | Drop:
         left, right = pair.left, pair.right
-        found = triangulate(
-            rig,
-            left.centre,
-            right.centre,
-            left.covariance,
-            right.covariance,
-            method=self._options.method,
-        )
-        reason = str(np.ravel(found.reasons)[0])
-        if reason:
-            return Drop(left.stamp, reason)
-        miss = float(np.abs(found.residuals).max())
-        if 0 < self._options.epipolar_gate < miss:
+        views = (left.centre, right.centre, left.covariance, right.covariance)
+        if self._estimator is not None:
+            state = self._estimator.update(rig, *views, stamp=left.stamp * 1e-9)
+            if not np.isfinite(state.point).all():
+                return Drop(left.stamp, state.reason)
+            rig = rig.with_target_index(state.mean)
+            residuals = np.hstack(rig.project(state.point)) - np.hstack(views[:2])
+            index = Index(state.mean, state.std, state.observed, state.frame_index)
+            point, covariance = state.point, state.covariance
+        else:
+            found = triangulate(rig, *views, method=self._options.method)
+            if found.reasons:
+                return Drop(left.stamp, str(found.reasons))
+            point, covariance, residuals = found.points, found.covariances, found.residuals
+            index = Index(rig.target_index or 1.0)
+        if 0 < self._options.epipolar_gate < np.abs(residuals).max():
             return Drop(left.stamp, 'left and right do not see the same point')
-        return Position(
-            stamp=left.stamp,
-            frame_id=left.frame_id,
-            point=found.points.reshape(3),
-            covariance=found.covariances.reshape(3, 3),
-            index=_target_index(rig),
-            index_std=0.0,
-            index_observed=False,
-        )
+        return Position(left.stamp, left.frame_id, point, covariance, index)
 
 
 def _matcher(options: TriangulatorOptions) -> PairMatcher[Centroid]:
     tolerance = options.pair_tolerance
     return PairMatcher(None if tolerance is None else round(tolerance * 1e9))
-
-
-def _target_index(rig: StereoRig) -> float:
-    interface = rig.interface or rig.left_port
-    return interface.target_index if interface is not None else 1.0
