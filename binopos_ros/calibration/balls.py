@@ -9,35 +9,26 @@ because each looks at another outline. Coordinates of standard deviation s so gi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.state import LEFT, RIGHT, RigState
+from binopos_ros.calibration.targets import Blob
 
-CENTRE_PER_OUTLINE = 0.5**0.5  # standard deviations: of the centre, of a point of the outline
-
-
-@dataclass(frozen=True)
-class Ball:
-    """A target in one picture: centre (2,) and apparent diameter (px)."""
-
-    centre: np.ndarray
-    diameter: float
+CENTRE_PER_COORDINATE = 0.5**0.5  # of the standard deviations
 
 
-def ball_view(name: str, state: RigState, balls: tuple[Ball, Ball], diameter: float) -> View:
+def ball_view(name: str, state: RigState, blobs: tuple[Blob, Blob], diameter: float) -> View:
     """The view of a ball of known diameter (m) in both pictures."""
     points, pixels = [], [np.full((8, 2), np.nan), np.full((8, 2), np.nan)]
     for side in (LEFT, RIGHT):
-        ball = balls[side]
+        blob = blobs[side]
         camera = state.cameras[side]
-        ray = camera.pinhole().unproject(np.asarray(ball.centre, float)[None])[0]
+        ray = camera.pinhole().unproject(np.asarray(blob.centre, float)[None])[0]
         to_rig = state.rotation.T if side == RIGHT else np.eye(3)
-        half = 0.5 * ball.diameter
-        pixels[side][4 * side : 4 * side + 2, 0] = ball.centre[0] + [half, -half]
-        pixels[side][4 * side + 2 : 4 * side + 4, 1] = ball.centre[1] + [half, -half]
+        half = 0.5 * blob.diameter
+        pixels[side][4 * side : 4 * side + 2, 0] = blob.centre[0] + [half, -half]
+        pixels[side][4 * side + 2 : 4 * side + 4, 1] = blob.centre[1] + [half, -half]
         for along in (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])):
             across = along - (along @ ray) * ray
             outwards = 0.5 * diameter * to_rig @ (across / np.linalg.norm(across))
