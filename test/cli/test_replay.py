@@ -1,0 +1,143 @@
+"""`binopos replay`: the live nodes, over real middleware, against `process` on the same bag."""
+
+from __future__ import annotations
+
+import csv
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from binopos_ros.bag import BagReader
+from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+
+pytest.importorskip('rclpy', reason='rclpy is not installed')
+
+pytestmark = pytest.mark.live
+
+PAIRS = 90
+POSE = '/stereo/target/pose'
+
+
+def binopos(*words: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, '-m', 'binopos_ros', *map(str, words)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('replay') / 'bag'
+    done = binopos('simulate', '-o', folder, '--preset', 'washbowl', '--pairs', PAIRS)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture(scope='module')
+def offline(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, np.ndarray]:
+    """Filtered and raw position (6,) by stamp in nanoseconds, from `process`."""
+    table = tmp_path_factory.mktemp('offline') / 'out.csv'
+    done = binopos('process', bag, '-o', table.with_name('out.mcap'), '--csv', table)
+    assert done.returncode == 0, done.stderr
+    names = ('x', 'y', 'z', 'raw_x', 'raw_y', 'raw_z')
+    with table.open() as stream:
+        return {
+            int(row['stamp'].replace('.', '')): np.array([float(row[name]) for name in names])
+            for row in csv.DictReader(stream)
+        }
+
+
+def figure(report: str, name: str) -> str:
+    found = re.search(rf'^  {re.escape(name)} +(\S+)', report, re.MULTILINE)
+    assert found, report
+    return found[1]
+
+
+def test_every_pair_reaches_the_pose_and_agrees_with_process(bag, offline, ros_domain, tmp_path):
+    recorder = subprocess.Popen(
+        [sys.executable, '-m', 'binopos_ros', 'record', '-o', str(tmp_path / 'live')],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    done = binopos('replay', bag)
+    recorder.send_signal(2)
+    _, errors = recorder.communicate(timeout=10)
+    assert done.returncode == 0, done.stderr
+    assert recorder.returncode == 0, errors
+    for name in ('pairs seen', 'pairs used', 'poses'):
+        assert figure(done.stdout, name) == str(PAIRS)
+    assert figure(done.stdout, 'dropped') == '0'
+    assert 'latency from stamp to pose, median' in done.stdout
+    with BagReader(tmp_path / 'live') as reader:
+        live = {}
+        for topic, part in ((POSE, slice(0, 3)), ('/stereo/target/position', slice(3, 6))):
+            for record in reader.messages([topic]):
+                message = reader.decode(record)
+                live.setdefault(stamp_of(message), np.full(6, np.nan))[part] = position_of(message)
+                assert np.linalg.eigvalsh(covariance_of(message)).min() > 0
+    assert live.keys() == offline.keys()
+    worst = max(np.abs(live[stamp] - offline[stamp]).max() for stamp in live)
+    print(f'live and process differ by at most {worst:.1e} m')
+    assert worst <= 1e-9
+
+
+def test_it_shows_the_pose_as_it_goes_one_line_per_second(bag, ros_domain):
+    done = binopos('replay', bag)
+    lines = [line for line in done.stdout.splitlines() if ' s   x ' in line]
+    assert 3 <= len(lines) <= 6
+    assert '\r' not in done.stdout
+    assert 'Traceback' not in done.stderr
+
+
+def test_all_nodes_in_one_process_give_the_same_report(bag, ros_domain):
+    done = binopos('replay', bag, '--single-process')
+    assert done.returncode == 0, done.stderr
+    assert figure(done.stdout, 'poses') == str(PAIRS)
+
+
+def test_a_bag_of_another_namespace_is_played_in_it(bag, ros_domain, tmp_path):
+    from binopos_ros.bag import BagWriter
+
+    moved = tmp_path / 'moved'
+    with BagReader(bag) as reader, BagWriter(moved) as writer:
+        for topic, info in reader.topics.items():
+            writer.add_topic(topic.replace('/stereo/', '/rig_2/'), info.type)
+        for record in reader.messages():
+            writer.write(record.topic.replace('/stereo/', '/rig_2/'), record.stamp_ns, record.data)
+    done = binopos('replay', moved, '--config', bag / 'binopos.yaml')
+    assert done.returncode == 0, done.stderr
+    assert figure(done.stdout, 'poses') == str(PAIRS)
+
+
+def test_a_node_that_refuses_its_parameters_is_two_lines(bag, ros_domain):
+    done = binopos('replay', bag, '--ros-args', '-p', 'smoother:max_jmp:=1.0')
+    assert done.returncode == 2
+    lines = done.stderr.splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith("smoother: unknown parameter 'max_jmp'")
+    assert lines[1].startswith('binopos replay: the smoother refused to start')
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (['--rate', '0'], "'rate'"),
+        (['--start-offset', '-1'], "'start_offset'"),
+        (['--topics', '/nothing'], '/nothing'),
+        (['--remap', 'a=b'], 'FROM:=TO'),
+        (['--config', 'no_such.yaml'], 'no_such.yaml'),
+    ],
+)
+def test_a_bad_argument_is_one_line(bag, ros_domain, words, said):
+    done = binopos('replay', bag, *words)
+    assert done.returncode == 2
+    assert done.stderr.count('\n') == 1, done.stderr
+    assert said in done.stderr
