@@ -8,7 +8,7 @@ thickness t_i and index n_i it is
 
 which for a ray along the normal is the harmonic mean: the index that apparent depth shows. It
 depends on the ray only in second order of the column's contrast, so that one number serves all
-rays: between 0 and 60 degrees in air it moves by less than the variance of the index over itself.
+rays: at 60 degrees in air it has moved by about the variance of the index over the mean.
 """
 
 from __future__ import annotations

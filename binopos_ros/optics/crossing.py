@@ -2,12 +2,15 @@
 
 With the crossing points on the planes as unknowns, the optical path length sum_i n_i |x_i+1 - x_i|
 is a sum of norms of affine functions, so it is convex: there is one ray, and a descent finds it
-from anywhere. Newton's step is taken where it halves the gradient (Snell's law's violation);
-elsewhere a step of iteratively reweighted least squares, which always shortens the path. Both
-solve the same block-tridiagonal system of 2x2 blocks, one block per plane.
+from anywhere. A step solves a block-tridiagonal system, one 2x2 block per plane, whose legs have
+the stiffness n / length across the ray and `damping` times that along it. Without damping it is
+Newton's step; with full damping it is iteratively reweighted least squares, which always shortens
+the path. The damping of each ray follows Levenberg and Marquardt.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +19,9 @@ from binopos_ros.optics.interface import tangents
 
 FloatArray = NDArray[np.float64]
 
-MAX_ITERATIONS = 200
-SETTLED = 4e-16  # of the largest index: the gradient is a difference of n * (unit vector)
+MAX_ITERATIONS = 100
+ROUNDING = 4e-16  # of the largest index: Snell's law is a difference of index * (unit vector)
+SNELL_TOLERANCE = 1e-12  # of the largest index; a ray that is farther off is not kept
 
 
 def crossings(
@@ -32,26 +36,57 @@ def crossings(
         points: (N, 3) m.
 
     Returns:
-        (N, M, 3) m. Whether they lie in the order of the planes is for the caller to judge.
+        (N, M, 3) m; nan where no ray obeys Snell's law, as where planes cut one another. Whether
+        the crossings lie in the order of the planes is for the caller to judge.
 
     """
     bases = np.stack([tangents(normal) for normal in normals])  # (M, 2, 3)
+    scale = float(indices.max())
     x = _start(normals, offsets, points)
-    best = np.full(len(points), np.inf)
+    now = _state(x, points, indices, bases)
+    damping = np.zeros(len(points))
     active = np.arange(len(points))
     for _ in range(MAX_ITERATIONS):
-        gradient, legs, lengths = _gradient(x[active], points[active], indices, bases)
-        size = np.abs(gradient).max(axis=(1, 2))
-        newton = size <= 0.5 * best[active]
-        stalled = (size < 1e-12 * indices.max()) & ~newton  # rounding has been reached
-        best[active] = np.minimum(best[active], size)
-        going = ~stalled & (size > SETTLED * indices.max())
-        active = active[going]
+        active = active[now.violation[active] > ROUNDING * scale]
         if not len(active):
             break
-        step = _step(gradient[going], legs[going], lengths[going], indices, bases, newton[going])
-        x[active] += np.einsum('nma,mai->nmi', step, bases)
+        held = now.take(active)
+        step = _step(held, indices, bases, damping[active])
+        trial = x[active] + np.einsum('nma,mai->nmi', step, bases)
+        further = _state(trial, points[active], indices, bases)
+        # Where the path's length is at its last digit, Snell's law still tells better from worse.
+        better = (further.length < held.length * (1.0 - 1e-15)) | (
+            further.violation <= 0.5 * held.violation
+        )
+        taken = active[better]
+        x[taken] = trial[better]
+        now.put(taken, further.take(better))
+        at_rest = ~better & (held.violation <= SNELL_TOLERANCE * scale)
+        damping[active] = np.where(
+            better, 0.1 * damping[active], np.clip(10.0 * damping[active], 1e-4, 1.0)
+        )
+        active = active[~at_rest]
+    x[~(now.violation <= SNELL_TOLERANCE * scale)] = np.nan
     return x
+
+
+class _State(NamedTuple):
+    """Paths of N points: their legs, and how far they are from the shortest."""
+
+    length: FloatArray  # (N,) optical, m
+    violation: FloatArray  # (N,) of Snell's law
+    gradient: FloatArray  # (N, M, 2) of the length by the crossings' plane coordinates
+    legs: FloatArray  # (N, M + 1, 3) unit vectors
+    lengths: FloatArray  # (N, M + 1) m
+
+    def take(self, which: NDArray[np.generic]) -> _State:
+        """Return the states of some points."""
+        return _State(*(part[which] for part in self))
+
+    def put(self, which: NDArray[np.generic], other: _State) -> None:
+        """Replace the states of some points."""
+        for part, new in zip(self, other, strict=True):
+            part[which] = new
 
 
 def _start(normals: FloatArray, offsets: FloatArray, points: FloatArray) -> FloatArray:
@@ -63,32 +98,24 @@ def _start(normals: FloatArray, offsets: FloatArray, points: FloatArray) -> Floa
     return x + lift[..., None] * normals
 
 
-def _gradient(
-    x: FloatArray, points: FloatArray, indices: FloatArray, bases: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the violation of Snell's law at each plane, the unit legs and their lengths."""
+def _state(x: FloatArray, points: FloatArray, indices: FloatArray, bases: FloatArray) -> _State:
     ends = np.concatenate([np.zeros_like(points)[:, None], x, points[:, None]], axis=1)
     legs = np.diff(ends, axis=1)
     lengths = np.linalg.norm(legs, axis=2)
-    legs = legs / np.maximum(lengths, 1e-300)[..., None]
+    legs /= np.maximum(lengths, 1e-300)[..., None]
     momenta = indices[:, None] * legs
     gradient = np.einsum('nmi,mai->nma', momenta[:, :-1] - momenta[:, 1:], bases)
-    return gradient, legs, lengths
+    return _State(lengths @ indices, np.abs(gradient).max(axis=(1, 2)), gradient, legs, lengths)
 
 
 def _step(
-    gradient: FloatArray,
-    legs: FloatArray,
-    lengths: FloatArray,
-    indices: FloatArray,
-    bases: FloatArray,
-    newton: NDArray[np.bool_],
+    state: _State, indices: FloatArray, bases: FloatArray, damping: FloatArray
 ) -> FloatArray:
     """Solve the block-tridiagonal system H step = -gradient (block elimination)."""
+    gradient, legs, lengths = state.gradient, state.legs, state.lengths
+    along = (1.0 - damping)[:, None, None, None] * legs[..., :, None] * legs[..., None, :]
+    stiffness = (indices / np.maximum(lengths, 1e-12))[..., None, None] * (np.eye(3) - along)
     planes = len(bases)
-    stiffness = (indices / np.maximum(lengths, 1e-300))[..., None, None] * (
-        np.eye(3) - newton[:, None, None, None] * legs[..., :, None] * legs[..., None, :]
-    )
     eliminated: list[FloatArray] = []
     reduced: list[FloatArray] = []
     for j in range(planes):

@@ -147,16 +147,20 @@ class Distortion:
 
 
 def _fold(radial: tuple[float, ...], rational: tuple[float, ...]) -> float:
-    """Return the smallest r^2 > 0 at which d(r N / D)/dr vanishes or D does; inf if none."""
+    """Return the smallest r^2 > 0 at which d(r N / D)/dr vanishes or D does; inf if none.
+
+    Both polynomials begin with 1, so the reversed ones are monic: their roots 1 / r^2 are stable
+    however small the higher terms are.
+    """
     numerator = np.polynomial.Polynomial([1.0, *radial])
     below = np.polynomial.Polynomial([1.0, *rational])
     twice_r2 = np.polynomial.Polynomial([0.0, 2.0])
     turning = numerator * below + twice_r2 * (
         numerator.deriv() * below - numerator * below.deriv()
     )
-    roots = np.concatenate([turning.trim().roots(), below.trim().roots()])
+    roots = np.concatenate([np.roots(turning.coef), np.roots(below.coef)])
     real = roots[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0.0)].real
-    return float(real.min()) if real.size else math.inf
+    return 1.0 / float(real.max()) if real.size else math.inf
 
 
 def _tilt_homography(tau_x: float, tau_y: float) -> NDArray[Any]:
