@@ -71,6 +71,8 @@ class FakeCamera:
     buffers: int = 0
     sequence: int = 0
     next_live: float = 0.0
+    began_ns: int = 0
+    taken: int = 0
     streams_started: int = 0
 
     def __post_init__(self):
@@ -150,7 +152,9 @@ class FakeKernel:
             if now >= camera.next_live:
                 camera.next_live = max(camera.next_live + 1 / camera.live, now)
                 camera.sequence += 1
-                stamp = time.monotonic_ns()
+                # By the camera's own clock, however late this process looks.
+                stamp = camera.began_ns + round(camera.taken * 1e9 / camera.live)
+                camera.taken += 1
                 camera.frames.append(FakeFrame(camera.picture, camera.sequence, stamp))
         return bool(camera.frames and camera.queued)
 
@@ -252,6 +256,7 @@ class FakeKernel:
 
     def _streamon(self, camera, _):
         camera.streaming = True
+        camera.began_ns, camera.taken = time.monotonic_ns(), 0
         camera.streams_started += 1
 
     def _streamoff(self, camera, _):
