@@ -117,7 +117,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '(default: jpeg)',
     )
     camera.add_argument(
-        '--quality', type=int, metavar='Q', help='of the JPEG, 1 .. 100 (default: 90, demo 75)'
+        '--quality', type=int, metavar='Q', help='of the JPEG, 1 .. 100 (default: 90, demo 70)'
     )
     parser.add_argument(
         '--threads',

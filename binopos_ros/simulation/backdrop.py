@@ -92,31 +92,35 @@ class Basin:
 
     def reflectance(self, entries: NDArray[Any], hits: NDArray[Any]) -> Image:
         """(N, 3) grey levels before the water's part, of rays from surface to floor plane."""
-        colours = 255 * sample(self.floor, hits / self.radius)
-        walls = hits[:, 0] ** 2 + hits[:, 1] ** 2 > self.radius**2
-        share = self._share_to_wall(entries[walls], hits[walls])
-        meet = entries[walls] + share[:, None] * (hits[walls] - entries[walls])
-        angle = np.arctan2(meet[:, 1], meet[:, 0])
-        tone = 0.50 + 0.06 * np.cos(3 * angle + 1) - 0.12 * share
-        colours[walls] = 255 * tone[:, None] * np.array([1.0, 0.98, 0.92])
+        colours = sample(self.floor, hits / self.radius)
+        colours *= 255
+        walls = np.flatnonzero(self._beyond_floor(hits))
+        entries, way = entries[walls], hits[walls] - entries[walls]
+        share = self._share_to_wall(entries, way)
+        angle = np.arctan2(entries[:, 1] + share * way[:, 1], entries[:, 0] + share * way[:, 0])
+        tone = 255 * (0.50 + 0.06 * np.cos(3 * angle + 1) - 0.12 * share)
+        colours[walls] = tone[:, None] * np.array([1.0, 0.98, 0.92], np.float32)
         return colours
 
     def transmission(self, entries: NDArray[Any], hits: NDArray[Any]) -> tuple[Array, Array]:
         """Factor and veil, each (N, 3), of the water along the same rays."""
-        across = np.hypot(*(hits - entries).T)
-        share = np.ones(len(hits))
-        walls = hits[:, 0] ** 2 + hits[:, 1] ** 2 > self.radius**2
-        share[walls] = self._share_to_wall(entries[walls], hits[walls])
-        return self.water.transmission(share * np.hypot(across, self.depth), share * self.depth)
-
-    def _share_to_wall(self, entries: NDArray[Any], hits: NDArray[Any]) -> Array:
-        """(N,) how far along its way to the floor's plane each ray meets the wall, 0 to 1."""
         way = hits - entries
-        a = np.sum(way * way, axis=1)
-        b = np.sum(way * entries, axis=1)
-        c = np.sum(entries * entries, axis=1) - self.radius**2
+        share = np.ones(len(hits))
+        walls = self._beyond_floor(hits)
+        share[walls] = self._share_to_wall(entries[walls], way[walls])
+        lengths = np.hypot(np.hypot(way[:, 0], way[:, 1]), self.depth)
+        return self.water.transmission(share * lengths, share * self.depth)
+
+    def _beyond_floor(self, hits: NDArray[Any]) -> NDArray[np.bool_]:
+        return hits[:, 0] ** 2 + hits[:, 1] ** 2 > self.radius**2
+
+    def _share_to_wall(self, entries: NDArray[Any], way: NDArray[Any]) -> NDArray[Any]:
+        """(N,) how far along its way to the floor's plane each ray meets the wall, 0 to 1."""
+        a = way[:, 0] ** 2 + way[:, 1] ** 2
+        b = way[:, 0] * entries[:, 0] + way[:, 1] * entries[:, 1]
+        c = entries[:, 0] ** 2 + entries[:, 1] ** 2 - self.radius**2
         root = np.sqrt(np.maximum(b * b - a * c, 0))
-        return np.clip((root - b) / np.maximum(a, 1e-300), 0, 1)
+        return np.clip((root - b) / np.maximum(a, 1e-30), 0, 1)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,6 +7,7 @@ Boundaries are planes, stated in the rig's frame; the first may carry waves.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +17,8 @@ from binopos_ros.simulation.waves import WaveField
 Array = NDArray[np.float64]
 
 MAX_SURFACE_STEPS = 12
-#: A ray has met the wavy surface when it is this close to it, m.
-SURFACE_TOLERANCE = 1e-11
+#: Newton's steps end when they get shorter than this, m, by the precision of the waves' sines.
+SURFACE_TOLERANCE: dict[type[np.floating[Any]], float] = {np.float64: 1e-11, np.float32: 1e-7}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,6 +123,7 @@ def _meet(
     first, second = boundary.axes()
     x0, dx = dot(points, first), dot(directions, first)
     y0, dy = dot(points, second), dot(directions, second)
+    tolerance = SURFACE_TOLERANCE[boundary.waves.precision]
     # Newton on f(s) = n.(p + s d) - distance + height(x(s), y(s)).
     for _ in range(MAX_SURFACE_STEPS):
         wave, slope_x, slope_y = boundary.waves.height_and_slope(
@@ -129,7 +131,7 @@ def _meet(
         )
         change = (steps * towards - height + wave) / (towards + slope_x * dx + slope_y * dy)
         steps = steps - change
-        if not np.any(np.abs(change) > SURFACE_TOLERANCE):
+        if not np.any(np.abs(change) > tolerance):
             break
     normals = normal + slope_x[:, None] * first + slope_y[:, None] * second
     normals /= np.sqrt(dot(normals, normals))[:, None]

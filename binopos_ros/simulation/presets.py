@@ -160,7 +160,7 @@ def washbowl(choices: Choices = Choices(), half_size: bool = False) -> Scene:  #
         backdrop=basin,
         path=path,
         disc=Disc(_chosen(choices.diameter, 0.06 if half_size else 0.05)),
-        sensor=_sensor(choices, Sensor(noise=1.0, quality=75) if half_size else Sensor()),
+        sensor=_sensor(choices, Sensor(noise=1.0, quality=70) if half_size else Sensor()),
         waves=waves,
         rate=_chosen(choices.rate, 30.0),
     )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.simulation.backdrop import Basin
-from binopos_ros.simulation.medium import Rays, dot
+from binopos_ros.simulation.medium import Boundary, Rays, dot, trace
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.sensor import Image, Picture
 
@@ -90,7 +90,9 @@ class Renderer:
         self._level = scene.sensor.noise_level(self._blurred)
         box = self._wet.box if self._wet else self._frame
         self._nodes = _node_grid(box)
-        self._calm_nodes = None if self._wet else self._look(self._nodes, 0.0)
+        self._node_directions = self.view.directions(self._nodes.reshape(-1, 2))
+        self._node_boundaries = tuple(_single_precision(b) for b in self.view.boundaries)
+        self._calm_nodes = None if self._wet else self._look_at_nodes(0.0)
 
     def picture(self, time: float, rng: np.random.Generator) -> Picture:
         """(H, W, 3) what the camera reads at a time (s): blue, green, red, noise included."""
@@ -118,16 +120,16 @@ class Renderer:
             light = self._blurred.copy()
             light[outer.rows_and_columns] = sensor.blurred(patch)[outer.within(source)]
             return light
-        nodes = self._look(self._nodes, time)
+        nodes = self._look_at_nodes(time)
         light = self._calm.copy()
-        self._wet.draw(light, nodes, self._nodes.shape[:2], sensor.exposure)
+        self._wet.draw(light, nodes, self._nodes.shape[:2])
         box = self._box_of_disc(nodes, time)
         if box is not None:
             self._draw_disc(light[box.rows_and_columns], box, time)
         return sensor.blurred(light)
 
-    def _look(self, pixels: Array, time: float) -> Rays:
-        return self.view.look(pixels.reshape(-1, 2), time)
+    def _look_at_nodes(self, time: float) -> Rays:
+        return trace(self._node_boundaries, self.view.centre, self._node_directions, time)
 
     def _draw_calm_background(self) -> None:
         """Trace the whole background, and note where it is seen through waves."""
@@ -147,7 +149,7 @@ class Renderer:
             )
             if wet:
                 wet.note(band, rays)
-        if wet and wet.finish():
+        if wet and wet.finish(scene.sensor.exposure):
             self._wet = wet
 
     def _miss(self, rays: Rays, time: float) -> tuple[Array, Array]:
@@ -186,7 +188,7 @@ class Renderer:
         """Lay the disc over the light of a box."""
         scene = self.scene
         pixels = box.pixels()
-        rays = self._look(pixels, time)
+        rays = self.view.look(pixels, time)
         miss, steps = self._miss(rays, time)
         picture = miss.reshape(box.shape)
         reach = np.abs(np.gradient(picture, axis=0)) + np.abs(np.gradient(picture, axis=1))
@@ -211,7 +213,9 @@ class Renderer:
         ticks = (np.arange(CELLS) + 0.5) / CELLS - 0.5
         dv, du = np.meshgrid(ticks, ticks, indexing='ij')
         cells = pixels[:, None, None, :] + np.stack([du, dv], axis=-1)
-        miss = self._miss(self._look(cells, time), time)[0].reshape(-1, CELLS, CELLS)
+        miss = self._miss(self.view.look(cells.reshape(-1, 2), time), time)[0].reshape(
+            -1, CELLS, CELLS
+        )
         # In units of one cell, whose square is then of side 1.
         slope_v, slope_u = np.gradient(miss, axis=(1, 2), edge_order=2)
         return half_plane_coverage(miss, slope_u, slope_v).mean(axis=(1, 2))
@@ -235,7 +239,7 @@ class _WetRegion:
         self._hits[where] = self.basin.floor_hits(rays).reshape(*band.shape, 2)
         self._inside[where] = (np.hypot(*entries.T) < self.basin.radius).reshape(band.shape)
 
-    def finish(self) -> bool:
+    def finish(self, exposure: float) -> bool:
         """Cut down to the box that holds water; False where none is in sight."""
         rows, columns = np.nonzero(self._inside)
         if rows.size == 0:
@@ -249,12 +253,12 @@ class _WetRegion:
         hits = self._hits[where].reshape(-1, 2)
         # What the water does to colours changes little with the waves: it is kept as when calm.
         factor, veil = self.basin.transmission(self._entries, hits)
-        self._factor = factor.astype(np.float32).reshape(*self.box.shape, 3)
-        self._veil = veil.astype(np.float32).reshape(*self.box.shape, 3)
+        self._factor = (exposure * factor).astype(np.float32).reshape(*self.box.shape, 3)
+        self._veil = (exposure * veil).astype(np.float32).reshape(*self.box.shape, 3)
         del self._hits
         return True
 
-    def draw(self, light: Image, nodes: Rays, grid: tuple[int, int], exposure: float) -> None:
+    def draw(self, light: Image, nodes: Rays, grid: tuple[int, int]) -> None:
         """Redraw the water's inside as the rays of the nodes see it."""
         hits = self.basin.floor_hits(nodes).astype(np.float32).reshape(*grid, 2)
         height, width = self.box.shape
@@ -265,8 +269,16 @@ class _WetRegion:
         colours = colours.reshape(height, width, 3)
         colours *= self._factor
         colours += self._veil
-        colours *= np.float32(exposure)
         np.copyto(light[self.box.rows_and_columns], colours, where=self._inside[..., None])
+
+
+def _single_precision(boundary: Boundary) -> Boundary:
+    """The boundary with waves fast enough to redraw a background in every picture."""
+    if boundary.waves is None:
+        return boundary
+    return dataclasses.replace(
+        boundary, waves=dataclasses.replace(boundary.waves, precision=np.float32)
+    )
 
 
 def _node_grid(box: Box) -> Array:
