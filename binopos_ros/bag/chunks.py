@@ -7,6 +7,8 @@ import zlib
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from mcap.opcode import Opcode
+
 from binopos_ros.bag.errors import BagError
 
 #: Opcode and length, which every record begins with.
@@ -36,7 +38,7 @@ def decompress(data: bytes, compression: str, size: int, crc: int) -> bytes:
 
         try:
             records = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-        except zstandard.ZstdError as error:
+        except (zstandard.ZstdError, MemoryError) as error:
             message = f'zstd chunk is damaged: {error}'
             raise BagError(message) from error
     elif compression == 'lz4':
@@ -76,7 +78,10 @@ def salvage(data: bytes, compression: str) -> bytes:
 
 
 def split_records(records: bytes) -> Iterator[tuple[int, int, int]]:
-    """(opcode, start of the content, its end) of each complete record."""
+    """(opcode, start of the content, its end) of each complete record.
+
+    Messages too short for their own fields are left out.
+    """
     position, end = 0, len(records)
     while position + RECORD_HEAD.size <= end:
         opcode, length = RECORD_HEAD.unpack_from(records, position)
@@ -84,7 +89,8 @@ def split_records(records: bytes) -> Iterator[tuple[int, int, int]]:
         position = start + length
         if position > end:
             return
-        yield opcode, start, position
+        if opcode != Opcode.MESSAGE or length >= _MESSAGE_HEAD.size:
+            yield opcode, start, position
 
 
 def message_at(records: bytes, start: int, end: int) -> RawMessage:

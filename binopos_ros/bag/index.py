@@ -201,6 +201,7 @@ class _Scan:
         self.size = size
         self.loose: Span | None = None
         self.chunk: Span | None = None  # whose message indexes are being read
+        self.chunk_counts: Counter[int] = Counter()  # from those message indexes
         self.saved = 0  # messages out of a torn chunk
 
     def run(self) -> FileIndex:
@@ -224,6 +225,9 @@ class _Scan:
             # After the data section comes only what the summary would have said.
             ended = opcode in (Opcode.DATA_END, Opcode.FOOTER)
             position = end
+        if not ended and self.chunk is not None:
+            # Some of its message indexes may be cut off.
+            self.chunk.channel_ids = None
         self._finish_chunk()
         self._finish_loose()
         if not ended:
@@ -247,7 +251,7 @@ class _Scan:
                 self.stream.read(_MESSAGE_INDEX_HEAD.size)
             )
             self.chunk.channel_ids = (self.chunk.channel_ids or frozenset()) | {channel_id}
-            self.index.counts[channel_id] += entries // 16
+            self.chunk_counts[channel_id] += entries // 16
         elif opcode == Opcode.MESSAGE:
             channel_id, _, log_time = _MESSAGE_TIMES.unpack(self.stream.read(_MESSAGE_TIMES.size))
             self.index.counts[channel_id] += 1
@@ -290,8 +294,11 @@ class _Scan:
     def _finish_chunk(self) -> None:
         """Take the chunk up, opening it only where its message indexes leave something open."""
         span, self.chunk = self.chunk, None
+        counts, self.chunk_counts = self.chunk_counts, Counter()
         if span is None:
             return
+        if span.channel_ids is not None:
+            self.index.counts.update(counts)
         if span.channel_ids is None or span.channel_ids - self.index.channels.keys():
             self.stream.seek(span.offset)
             try:

@@ -101,8 +101,8 @@ class BagReader:
         """
         wanted = None if topics is None else set(topics)
         spans = self._spans(wanted, start_ns)
-        pending: list[tuple[int, int, int, RawMessage]] = []
-        for sequence, (span, file_number) in enumerate(spans):
+        pending: list[tuple[int, int, int, int, RawMessage]] = []
+        for span, file_number in spans:
             while pending and pending[0][0] < span.start_ns:
                 yield self._record(heapq.heappop(pending))
             channels = self._files[file_number].channels
@@ -113,8 +113,8 @@ class BagReader:
                     and (wanted is None or channel.topic in wanted)
                     and (start_ns is None or message.log_time >= start_ns)
                 ):
-                    key = (file_number << 64) | (sequence << 32) | position
-                    heapq.heappush(pending, (message.log_time, key, file_number, message))
+                    key = (message.log_time, file_number, span.offset, position)
+                    heapq.heappush(pending, (*key, message))
         while pending:
             yield self._record(heapq.heappop(pending))
 
@@ -213,8 +213,8 @@ class BagReader:
             self._warn(f'{path}: {error}; the chunk at byte {span.offset} is left out')
             return []
 
-    def _record(self, item: tuple[int, int, int, RawMessage]) -> Record:
-        _, _, file_number, message = item
+    def _record(self, item: tuple[int, int, int, int, RawMessage]) -> Record:
+        _, file_number, _, _, message = item
         data = message.data
         if self._zstd_messages:
             import zstandard
