@@ -134,11 +134,12 @@ def run(estimator, rig, pixels, rate=30.0, start=0.0):
     ]
 
 
-def trial(name, runs, pairs, prior_std, random):
+def trial(name, runs, pairs, prior_std, random, strata=True):
     """Errors (R,), deviations (R,) of the index and the bound of the deviation, over `runs` runs.
 
-    The one combination of all noises that moves the estimate is drawn by strata, the rest freely:
-    the same distribution, and a mean square that `runs` runs fix far better than free draws do.
+    With `strata` the one combination of all noises that moves the estimate is drawn by strata, the
+    rest freely: the same distribution, and a mean square that `runs` runs fix far better than
+    free draws do.
     """
     setting = SETTINGS[name]
     points = path(setting, pairs, random)
@@ -146,9 +147,10 @@ def trial(name, runs, pairs, prior_std, random):
     weights = np.concatenate([[1.0 / prior_std], information(rig, points).ravel()])
     bound = 1.0 / np.linalg.norm(weights)
     direction = weights * bound
-    strata = norm.ppf((random.permutation(runs) + random.uniform(size=runs)) / runs)
+    quantiles = (random.permutation(runs) + random.uniform(size=runs)) / runs
+    drawn = norm.ppf(quantiles) if strata else random.standard_normal(runs)
     errors, stds = [], []
-    for along in strata:
+    for along in drawn:
         noise = random.standard_normal(len(weights))
         noise += direction * (along - direction @ noise)
         truth = rig.target_index - prior_std * noise[0]

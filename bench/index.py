@@ -1,0 +1,137 @@
+"""The live refractive index: how honest, how near its bound, and how fast.
+
+    python bench/index.py            # both tables
+    python bench/index.py --runs 0   # speed alone
+
+Honesty: for every setting of test/triangulation/test_index.py (the same code), runs of 20 pairs
+with a true index drawn from the prior, errors against the stated deviation (chi-square: 1 is
+right) and against the Cramer-Rao bound. Here the draws are free; the test draws by strata.
+
+Speed: one pair at a time, as a live node gets them, beside triangulation alone, OpenCV's straight
+triangulation, and a general least-squares fit of point and index (scipy).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import numpy as np
+from scipy import optimize
+
+from binopos_ros.triangulation import triangulate
+from binopos_ros.triangulation.depth_aid import KnownPlane
+from binopos_ros.triangulation.index import IndexEstimator
+
+PRIOR_STD = 0.015
+
+
+def settings_of_the_test() -> ModuleType:
+    path = Path(__file__).parents[1] / 'test' / 'triangulation' / 'test_index.py'
+    spec = importlib.util.spec_from_file_location('test_index', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def honesty(test: ModuleType, runs: int) -> None:
+    random = np.random.default_rng(1)
+    print(
+        f'{runs} runs of 20 pairs per setting, {test.PIXEL_STD} px, prior 1.355 +- {PRIOR_STD}\n'
+    )
+    print('| setting | one pair | 20 pairs, bound | RMS error / bound | chi-square |')
+    print('|---|---|---|---|---|')
+    every = []
+    for name, setting in test.SETTINGS.items():
+        points = test.path(setting, 200, random)
+        one = 1.0 / np.linalg.norm(test.information(setting.rig, points), axis=1)
+        errors, stds, bound = test.trial(name, runs, 20, PRIOR_STD, random, strata=False)
+        squares = (errors / stds) ** 2
+        every.append(squares)
+        print(
+            f'| {name} | {np.median(one):.4f} | {bound:.5f} | '
+            f'{np.sqrt(np.mean(errors**2)) / bound:.3f} | {squares.mean():.3f} |'
+        )
+    squares = np.concatenate(every)
+    chance = np.sqrt(2 / len(squares))
+    print(f'| all {len(squares)} runs | | | | {squares.mean():.3f} +- {chance:.3f} |')
+
+
+def speed(test: ModuleType) -> None:
+    setting = test.SETTINGS['washbowl, corner']
+    rig, random = setting.rig, np.random.default_rng(2)
+    points = test.path(setting, 500, random)
+    pixels = test.images(rig, points) + test.PIXEL_STD * random.standard_normal((500, 4))
+    covariance = test.COVARIANCE
+    errors = np.diag([0.0 if 'ind' in name else 1e-6 for name in rig.parameter_names])
+    plain = IndexEstimator(1.34, PRIOR_STD)
+    aided = IndexEstimator(1.34, PRIOR_STD, known_plane=KnownPlane((0, 0, 1), 1.25, 0.05))
+    careful = IndexEstimator(1.34, PRIOR_STD, parameter_covariance=errors)
+    left_matrix = rig.left.matrix @ np.eye(3, 4)
+    right_matrix = rig.right.matrix @ np.column_stack([rig.rotation, rig.translation])
+
+    def fit(row: np.ndarray) -> None:
+        def residual(unknown: np.ndarray) -> np.ndarray:
+            found = rig.with_target_index(unknown[3]).project(unknown[:3])
+            return (np.concatenate(found) - row) / test.PIXEL_STD
+
+        start = triangulate(rig, row[:2], row[2:]).points
+        optimize.least_squares(residual, [*start, rig.target_index], x_scale='jac')
+
+    ways: dict[str, tuple[int, Callable[[np.ndarray], object]]] = {
+        'cv2.triangulatePoints (straight, no covariance)': (
+            500,
+            lambda r: cv2.triangulatePoints(left_matrix, right_matrix, r[:2], r[2:]),
+        ),
+        'triangulate, with covariance': (
+            500,
+            lambda r: triangulate(rig, r[:2], r[2:], covariance, covariance),
+        ),
+        'triangulation and index': (
+            500,
+            lambda r: plain.update(rig, r[:2], r[2:], covariance, covariance),
+        ),
+        'the same, with a known plane': (
+            500,
+            lambda r: aided.update(rig, r[:2], r[2:], covariance, covariance),
+        ),
+        'the same, with 3 errors of the surface': (
+            500,
+            lambda r: careful.update(rig, r[:2], r[2:], covariance, covariance),
+        ),
+        'point and index by scipy.optimize.least_squares': (20, fit),
+    }
+    best = dict.fromkeys(ways, np.inf)
+    for _ in range(5):
+        for name, (count, way) in ways.items():
+            started = time.perf_counter()
+            for row in pixels[:count]:
+                way(row)
+            best[name] = min(best[name], (time.perf_counter() - started) / count)
+    own = best['triangulation and index']
+    print('\nOne pair, best of 5 rounds\n')
+    print('| | us | against triangulation and index |')
+    print('|---|---|---|')
+    for name, seconds in best.items():
+        print(f'| {name} | {1e6 * seconds:.0f} | {seconds / own:.2f} |')
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--runs', type=int, default=1000, help='per setting; 0: speed alone')
+    runs = parser.parse_args().runs
+    test = settings_of_the_test()
+    if runs:
+        honesty(test, runs)
+    speed(test)
+
+
+if __name__ == '__main__':
+    main()
