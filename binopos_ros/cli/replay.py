@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import time
@@ -18,6 +19,7 @@ from binopos_ros.cli.config import NAMESPACE, add_config_argument, config_of_bag
 from binopos_ros.cli.status_line import StatusLine
 from binopos_ros.cli.stereo_topics import StereoTopics
 from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments
+from binopos_ros.cli.transport import transport_environment
 from binopos_ros.nodes.monitor import Monitor
 from binopos_ros.nodes.player import Player
 from binopos_ros.parameters import build
@@ -89,6 +91,7 @@ def main(arguments: argparse.Namespace) -> int:
             NODES, _ros_arguments(arguments, topics.namespace, config), arguments.single_process
         )
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+        os.environ.update(transport_environment())
         rclpy.init(args=None)
         try:
             supervisor.start()

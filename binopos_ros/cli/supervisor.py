@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from binopos_ros.cli.transport import transport_environment
 from binopos_ros.nodes.supervised import SUPERVISED
 
 FIRST_PAUSE = 0.5
@@ -125,7 +126,7 @@ class Supervisor:
             child.command,
             # Ctrl-C in the terminal reaches the supervisor alone, which then ends them in order.
             start_new_session=True,
-            env={**os.environ, SUPERVISED: '1'},
+            env={**os.environ, **transport_environment(), SUPERVISED: '1'},
             stdin=subprocess.DEVNULL,
         )
 

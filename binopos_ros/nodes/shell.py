@@ -38,8 +38,8 @@ from binopos_ros.parameters import ParameterError, ParameterSpec, build, refuse_
 RCLError = rclpy_implementation.RCLError
 
 NAMESPACE = 'stereo'
-#: Enough for a stage that is held up for a third of a second at 30 Hz.
-DEPTH = 10
+#: Enough for a stage that is held up for a second at 30 Hz.
+DEPTH = 30
 PUBLISHER_QOS = QoSProfile(depth=DEPTH)
 SUBSCRIBER_QOS = QoSProfile(depth=DEPTH, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
