@@ -76,6 +76,7 @@ def gather_evidence(
     left_cov: ArrayLike | None = None,
     right_cov: ArrayLike | None = None,
     changes: Sequence[StereoRig] = (),
+    calibration_std: float = 0.0,
 ) -> Evidence:
     """Triangulate one pair at the rig's index, and tell how far and how surely that is off.
 
@@ -87,6 +88,8 @@ def gather_evidence(
         right_cov: (2,2) px^2.
         changes: the rig with one considered parameter changed by STEP of its standard deviation,
             for each of them.
+        calibration_std: px; above 0 it adds four considered parameters: what the calibration
+            puts all left u, left v, right u and right v beside where they belong.
 
     Raises:
         TriangulationError, OpticsError: as `triangulate` raises them.
@@ -97,8 +100,9 @@ def gather_evidence(
         raise TriangulationError(msg)
     left, right = _numbers(left_px, 2, 'left_px'), _numbers(right_px, 2, 'right_px')
     covariances = _covariance(left_cov, 'left_cov'), _covariance(right_cov, 'right_cov')
+    count = len(changes) + (4 if calibration_std > 0.0 else 0)
     if not all(map(math.isfinite, (*left, *right, *covariances[0], *covariances[1]))):
-        return _no_point(index, NOT_FINITE, len(changes))
+        return _no_point(index, NOT_FINITE, count)
     try:
         whiten_left = whitening(covariances[0], 'left', FLOATS)
         whiten_right = whitening(covariances[1], 'right', FLOATS)
@@ -108,11 +112,10 @@ def gather_evidence(
         sights = [view.sight(fit.point, FLOATS) for view in rig.views]
         changed = [[view.pixel(fit.point, FLOATS) for view in other.views] for other in changes]
     except NoRayError as no_ray:
-        return _no_point(index, str(no_ray), len(changes))
+        return _no_point(index, str(no_ray), count)
 
-    whiteners = (whiten_left, whiten_right)
     left_over: list[float] = []
-    for sight, whitener in zip(sights, whiteners, strict=True):
+    for sight, whitener in zip(sights, (whiten_left, whiten_right), strict=True):
         du = sight.u_by_index + dot(sight.u_by_point, fit.by_index)
         dv = sight.v_by_index + dot(sight.v_by_point, fit.by_index)
         left_over += _whitened(du, dv, whitener)
@@ -120,18 +123,18 @@ def gather_evidence(
     direction = [p / gain for p in left_over] if gain > 0.0 else [0.0] * 4
     xx, xy, xz, yy, yz, zz = fit.covariance
     covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    shared, by_shared = np.empty(len(changes)), np.empty((3, len(changes)))
-    for k, pixels in enumerate(changed):
-        shared[k], gradient = 0.0, np.zeros(3)
-        for side, ((u, v), sight, whitener) in enumerate(
-            zip(pixels, sights, whiteners, strict=True)
-        ):
-            first, second = _whitened((u - sight.u) / STEP, (v - sight.v) / STEP, whitener)
-            shared[k] += direction[2 * side] * first + direction[2 * side + 1] * second
-            l11, l21, l22 = whitener
-            gradient += (l11 * first + l21 * second) * np.array(sight.u_by_point)
-            gradient += l22 * second * np.array(sight.v_by_point)
-        by_shared[:, k] = -covariance @ gradient
+    shared, by_shared = np.zeros(0), np.zeros((3, 0))
+    if count:
+        images = np.array([(sight.u, sight.v) for sight in sights]).ravel()
+        shifts = np.array(changed).reshape(-1, 4) - images
+        if calibration_std > 0.0:
+            shifts = np.vstack([shifts / STEP, calibration_std * np.eye(4)])
+        else:
+            shifts /= STEP
+        whiten = _block_diagonal(whiten_left, whiten_right)
+        rows = whiten @ np.array([row for s in sights for row in (s.u_by_point, s.v_by_point)])
+        whitened = whiten @ shifts.T
+        shared, by_shared = direction @ whitened, -covariance @ (rows.T @ whitened)
     return Evidence(
         at=index,
         reason='',
@@ -141,6 +144,14 @@ def gather_evidence(
         by_index=np.array(fit.by_index),
         by_shared=by_shared,
     )
+
+
+def _block_diagonal(left: Whitening, right: Whitening) -> Array:
+    whiten = np.zeros((4, 4))
+    for first, (l11, l21, l22) in ((0, left), (2, right)):
+        whiten[first, first], whiten[first + 1, first + 1] = l11, l22
+        whiten[first + 1, first] = l21
+    return whiten
 
 
 def _whitened(u: float, v: float, whitener: Whitening) -> tuple[float, float]:

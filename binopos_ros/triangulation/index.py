@@ -108,6 +108,8 @@ class IndexEstimator:
         known_plane: a plane that the target is known to lie in.
         parameter_covariance: (K,K) of the errors of the rig's surfaces, in the order and units of
             `StereoRig.parameter_names`; its row and column of target_index are not used.
+        calibration_std: systematic error of the calibrated pixels, px: what is left of the
+            epipolar errors when the noise is averaged out.
         gate: innovations beyond this many standard deviations are outliers and not used.
         huber: innovations beyond this many standard deviations weigh less (Huber's weight).
 
@@ -123,6 +125,7 @@ class IndexEstimator:
         drift: float = 0.0,
         known_plane: KnownPlane | None = None,
         parameter_covariance: ArrayLike | None = None,
+        calibration_std: float = 0.0,
         gate: float = 4.0,
         huber: float = 2.0,
     ) -> None:
@@ -133,17 +136,20 @@ class IndexEstimator:
             if not (math.isfinite(value) and value > 0):
                 msg = f'index estimate: {name} is {value}: it must be above 0'
                 raise TriangulationError(msg)
-        if not (math.isfinite(drift) and drift >= 0):
-            msg = f'index estimate: drift is {drift}: give 0 or more, per square root of a second'
-            raise TriangulationError(msg)
+        for name, value in (('drift', drift), ('calibration std', calibration_std)):
+            if not (math.isfinite(value) and value >= 0):
+                msg = f'index estimate: {name} is {value}: it must be 0 or more'
+                raise TriangulationError(msg)
         self._prior_mean, self._prior_variance = float(prior_mean), float(prior_std) ** 2
         self._rate = drift**2 / (2.0 * self._prior_variance)
         self._plane = known_plane
         self._gate, self._huber = gate, huber
         self._errors = _principal_errors(parameter_covariance)
-        # The surfaces' errors are counted in their own deviations, the plane's in metres.
+        self._calibration_std = calibration_std
+        # All are counted in their own deviations, but the plane's offset in metres.
+        count = len(self._errors) + (4 if calibration_std > 0 else 0)
         plane = [] if known_plane is None else [known_plane.std**2]
-        self._considered = np.diag([1.0] * len(self._errors) + plane)
+        self._considered = np.diag([1.0] * count + plane)
         self._rigs: tuple[StereoRig, StereoRig, list[StereoRig]] | None = None
         self.reset()
 
@@ -182,7 +188,9 @@ class IndexEstimator:
         prior = self._belief = self._predict(stamp)
         for _ in range(_MAX_LINEARISATIONS):
             assumed, changes = self._rigs_near(rig, self._belief.mean)
-            evidence = gather_evidence(assumed, left_px, right_px, left_cov, right_cov, changes)
+            evidence = gather_evidence(
+                assumed, left_px, right_px, left_cov, right_cov, changes, self._calibration_std
+            )
             if evidence.reason:
                 self._belief = prior
                 return self._state(evidence, evidence.reason)
