@@ -115,6 +115,14 @@ def _agrees(pose: RelativePose, rotation: np.ndarray, translation: np.ndarray) -
     return bool(turn < LARGEST_TURN and np.linalg.norm(seen) < LARGEST_SHIFT * reach)
 
 
+def explain(state: RigState, view: View) -> str:
+    """Why a pair does not fit a rig: another board, or something moved."""
+    (pose,) = relative_poses((state.cameras[0], state.cameras[1]), [view])
+    if pose is None:
+        return 'a camera sees too little of the board'
+    return _why(pose, state.rotation, state.translation)
+
+
 def _why(pose: RelativePose, rotation: np.ndarray, translation: np.ndarray) -> str:
     turn = np.degrees(np.linalg.norm(logarithm(pose.rotation @ rotation.T)))
     own = pose.right.translation - rotation @ pose.left.translation

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from binopos_ros.calibration.adequacy import Adequacy, adequacy, better_by
-from binopos_ros.calibration.adjust import Adjustment, View, adjust
+from binopos_ros.calibration.adjust import Adjustment, Prior, View, adjust
 from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.camera import (
     BROWN_TERMS,
@@ -19,7 +19,7 @@ from binopos_ros.calibration.camera import (
 )
 from binopos_ros.calibration.corners import upright_like
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.pairing import FEWEST_PAIRS, consensus
+from binopos_ros.calibration.pairing import FEWEST_PAIRS, consensus, explain
 from binopos_ros.calibration.projection import Pose
 from binopos_ros.calibration.start import guess_pose
 from binopos_ros.calibration.state import LEFT, RIGHT, Camera, RigState
@@ -27,6 +27,7 @@ from binopos_ros.calibration.views import BoardPair, Dropped, drop_blurred, sele
 
 MOST_VIEWS = 40
 FOLDS = 5
+RATIONAL_SPREAD = 3.0  # standard deviation of radial terms beforehand
 BETTER = 2.0  # standard errors by which a larger lens model must win on held-out views
 
 Sizes = tuple[tuple[int, int], tuple[int, int]]
@@ -118,7 +119,9 @@ def calibrate_stereo(
     return StereoCalibration(fit, board, tuple(views), tuple(dropped), lenses, held_out, choice)
 
 
-def cross_validate(fit: Adjustment, views: Sequence[View], folds: int = FOLDS) -> HeldOut:
+def cross_validate(
+    fit: Adjustment, views: Sequence[View], prior: Prior | None = None, folds: int = FOLDS
+) -> HeldOut:
     """Judge each view by the rig that the other folds' views give."""
     count = len(views)
     squares = np.full(count, np.nan)
@@ -129,7 +132,7 @@ def cross_validate(fit: Adjustment, views: Sequence[View], folds: int = FOLDS) -
         out = [i for i in range(count) if i % folds == fold]
         rest = [i for i in range(count) if i % folds != fold]
         rig = adjust(
-            fit.state, [fit.poses[i] for i in rest], [views[i] for i in rest], fit.free
+            fit.state, [fit.poses[i] for i in rest], [views[i] for i in rest], fit.free, prior
         ).state
         test = [views[i] for i in out]
         judged = adjust(rig, [fit.poses[i] for i in out], test, none, robust=False, sigma=1.0)
@@ -219,7 +222,7 @@ def _joint(start: RigState, views: Sequence[View]) -> tuple[Adjustment, list[Vie
         Dropped(
             view.name,
             f'the pair misses the rig by {value:.2f} px, the others by {np.median(rms):.2f} px: '
-            'the board or a camera moved between the two pictures',
+            f'{explain(fit.state, view)}',
         )
         for view, value in zip(views, rms, strict=True)
         if value > limit
@@ -260,8 +263,11 @@ def _choose_lens(
     start = replace(fit.state, cameras=cameras)
     lead = f'five terms leave systematic residuals (p = {worst:.2g})'
     try:
-        larger = adjust(start, fit.poses, views, np.ones(len(start.names), bool))
-        judged = cross_validate(larger, views)
+        # The six radial terms trade off against each other; this keeps them from running away.
+        lens = [name.split('.')[-1][0] == 'k' for name in start.names]
+        prior = Prior(start, np.diag(np.array(lens) / RATIONAL_SPREAD**2))
+        larger = adjust(start, fit.poses, views, np.ones(len(lens), bool), prior)
+        judged = cross_validate(larger, views, prior)
     except CalibrationError:
         return fit, held_out, f'{lead}, but these views do not determine a rational lens'
     score = better_by(held_out.squares, judged.squares)
