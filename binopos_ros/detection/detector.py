@@ -116,7 +116,9 @@ def _measured(frame: Frame, window: Window, options: DetectorOptions) -> Detecti
         except DetectionError as error:
             checked.append(replace(each, reason=str(error)))
             continue
-        target = Target(found.outline.centre, found.covariance, found.diameter, found.outline)
+        target = Target(
+            found.outline.centre, found.covariance, 2 * found.outline.semi_axes[0], found.outline
+        )
         rest = (_outranked(other) for other in candidates[k + 1 :])
         return Detection(target, '', (*checked, each, *rest), threshold)
     if not checked:

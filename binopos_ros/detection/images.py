@@ -74,6 +74,7 @@ class Frame(Protocol):
 
     width: int
     height: int
+    is_jpeg: bool
 
     def window(self, x0: int, y0: int, x1: int, y1: int) -> Picture:
         """Give a window's pixels, (y1 - y0, x1 - x0, 3) uint8, blue-green-red."""
@@ -91,7 +92,8 @@ class Frame(Protocol):
 class ColourFrame:
     """A picture of interleaved colours: bgr8, rgb8, bgra8 or rgba8."""
 
-    def __init__(self, pixels: Picture, encoding: str = 'bgr8') -> None:
+    def __init__(self, pixels: Picture, encoding: str = 'bgr8', is_jpeg: bool = False) -> None:
+        self.is_jpeg = is_jpeg
         self.height, self.width = pixels.shape[:2]
         self._pixels = pixels
         self._reverse = encoding.startswith('rgb')
@@ -115,6 +117,7 @@ class YuyvFrame:
     """
 
     def __init__(self, pairs: Picture) -> None:
+        self.is_jpeg = False
         self.height, self.width = pairs.shape[0], pairs.shape[1] * 2
         self._pairs = pairs
 
@@ -139,6 +142,7 @@ class BayerFrame:
     """A colour mosaic of 8 bits; `encoding` names the order of its upper-left cell."""
 
     def __init__(self, mosaic: Picture, encoding: str) -> None:
+        self.is_jpeg = False
         self.height, self.width = mosaic.shape
         self._mosaic = mosaic
         self._code = _BAYER[encoding]
@@ -183,7 +187,7 @@ def decode(image: JpegImage | RawImage) -> Frame:
     steps that do not hold it, or of an encoding that has no colour or is unknown.
     """
     if isinstance(image, JpegImage):
-        return ColourFrame(decode_jpeg(image.data))
+        return ColourFrame(decode_jpeg(image.data), is_jpeg=True)
     if isinstance(image, RawImage):
         return _decode_raw(image)
     msg = f'image is a {type(image).__name__}: pass a JpegImage or a RawImage'

@@ -1,0 +1,206 @@
+"""The fit of an outline to the pixels along it: the centre to a few hundredths of a pixel.
+
+Each pixel of a band along the outline is modelled as a mixture of two colours, the target's and
+its surroundings', both planes over the image, with the share Phi(-d / s) of the target at a
+distance d outside of an ellipse, where s is the blur. Two more terms, of the third and the fourth
+derivative of that profile, take up what an edge has of another shape. Ellipse, blur, profile and
+planes come out of one least-squares fit, so there is no threshold to bias it, and a slope of the
+light does not shift it.
+
+All channels are fitted; the edge's motion is then read off along one axis of colours: the
+difference of the two colours, weighted against the noise that each channel shows along the edge.
+So chroma counts for less in a JPEG, where it is coarser.
+
+The covariance comes from what the fit leaves over, with the correlation of neighbouring pixels
+that demosaicing, JPEG and chroma subsampling bring about.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .errors import DetectionError
+from .images import Frame
+from .target import Array, Ellipse
+from .window import Window
+
+BAND = 5.0
+STEPS = 1
+LEAST_PIXELS = 48
+START_BLUR, LEAST_BLUR, MOST_BLUR = 0.9, 0.3, 3.0
+
+# What is likely before the fit, as standard deviations (stretch as a share of the axes, blur in
+# px, profile and slope as shares of the contrast). It steadies outlines of a few pixels.
+LIKELY_STRETCH = 0.02
+LIKELY_BLUR = 0.2
+LIKELY_PROFILE = 0.05
+LIKELY_SLOPE = 0.05
+
+SHARED_NOISE = 0.01
+"""Part of equal noise in all channels that is mixed into the noise found along the edge."""
+
+KERNEL = np.array([1, 2, 2, 2, 1], np.float32) / 2
+"""How far, and with what weight, neighbouring residuals count as correlated, per coordinate."""
+
+RETURNED = 0.5
+"""Share of the fit's mean leverage by which neighbours' residuals are too little correlated."""
+
+LEAST_FACTOR = 0.8
+JPEG_FACTOR = 1.5
+"""JPEG's rounding follows the picture, so the fit takes a part of it for outline: residuals show
+two thirds of its variance (rendered discs of 8 to 120 px, quality 70 to 95)."""
+
+# The model's terms, by their rows.
+U, V, STRETCH, BLUR, PROFILE = 0, 1, slice(2, 5), 5, slice(6, 8)
+INSIDE, INSIDE_SLOPE, OUTSIDE, OUTSIDE_SLOPE = 8, slice(9, 11), 11, slice(12, 14)
+TERMS = 14
+
+_PEAK = 1 / np.sqrt(2 * np.pi)
+# The normal distribution as a logistic one of a cubic, good to 2e-4 (Page 1977).
+_PHI_1, _PHI_3 = 1.5976, 0.070565992
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measured outline, the centre's covariance (2, 2) px^2, and the edge's blur, px."""
+
+    outline: Ellipse
+    covariance: Array
+    blur: float
+
+
+class EdgeFit:
+    """The fit, begun at an outline that is right to some tenths of a pixel.
+
+    Raises DetectionError where there are too few pixels, or no two colours.
+    """
+
+    def __init__(self, frame: Frame, start: Ellipse) -> None:
+        window = Window(frame, start, BAND)
+        self._band = window.within(BAND) ^ window.within(-BAND)
+        self._rows, self._columns = np.nonzero(self._band)
+        if self._rows.size < LEAST_PIXELS:
+            msg = 'too few pixels along the outline'
+            raise DetectionError(msg)
+        self._u = window.x[self._columns]
+        self._v = window.y[self._rows]
+        self._colours = window.pixels[self._rows, self._columns]
+        self._jpeg = frame.is_jpeg
+        self._origin, self._centre = start.centre, np.zeros(2)
+        self._moments, self._blur = start.moments, START_BLUR
+        self._design = np.empty((TERMS, self._rows.size), np.float32)
+        self._likely = self._weights_of_the_likely()
+        self._noise = 1e-4
+        self._solve()
+        axis = self._axis()
+        self._noise = 2.5 * float(np.mean((self._rest @ axis) ** 2))
+        for _ in range(STEPS):
+            self._move(self._solution @ axis)
+            self._solve()
+        self._move(self._solution @ axis)
+        self._left = self._rest @ axis.astype(np.float32)
+
+    def _weights_of_the_likely(self) -> Array:
+        weights = np.zeros(TERMS)
+        weights[STRETCH] = LIKELY_STRETCH**-2
+        weights[BLUR] = LIKELY_BLUR**-2
+        weights[PROFILE] = LIKELY_PROFILE**-2
+        size = float(np.trace(self._moments))
+        weights[INSIDE_SLOPE] = weights[OUTSIDE_SLOPE] = size * LIKELY_SLOPE**-2
+        return weights
+
+    def _solve(self) -> None:
+        """Solve, for each channel, for the edge's motion and the two planes."""
+        du, dv = self._centre.tolist()
+        x, y = self._u - np.float32(du), self._v - np.float32(dv)
+        (a, b), (_, d) = (np.linalg.inv(self._moments) / 4).tolist()
+        gu, gv = a * x + b * y, b * x + d * y
+        t = np.sqrt(gu * x + gv * y)
+        steep = 1 / (np.sqrt(gu * gu + gv * gv) + np.float32(1e-9))
+        z = (t - 1) * t * (steep / np.float32(self._blur))
+        zz = z * z
+        share = 1 / (1 + np.exp(z * (np.float32(_PHI_1) + np.float32(_PHI_3) * zz)))
+        slope = np.exp(np.float32(-0.5) * zz) * np.float32(_PEAK / self._blur)
+        steep *= slope
+        design = self._design
+        nu, nv = np.multiply(gu, steep, out=design[U]), np.multiply(gv, steep, out=design[V])
+        design[2], design[3], design[4] = nu * x, nv * y, nu * y + nv * x
+        np.multiply(z, slope, out=design[BLUR])
+        design[6], design[7] = (zz - 1) * slope, (zz - 3) * design[BLUR]
+        rest = 1 - share
+        design[INSIDE], design[9], design[10] = share, share * x, share * y
+        design[OUTSIDE], design[12], design[13] = rest, rest * x, rest * y
+        normal = (design @ design.T).astype(float)
+        normal[np.diag_indices(TERMS)] += self._noise * self._likely + 1e-9
+        self._inverse = np.linalg.inv(normal)
+        self._solution = self._inverse @ (design @ self._colours)
+        self._rest = self._colours - design.T @ self._solution.astype(np.float32)
+
+    def _axis(self) -> Array:
+        """The projection of colours, 1 from surroundings to target, that errs least."""
+        difference = self._solution[INSIDE] - self._solution[OUTSIDE]
+        if not difference @ difference > 9.0:
+            msg = 'the patch is of the same colour as its surroundings'
+            raise DetectionError(msg)
+        influence = self._inverse[:2].astype(np.float32) @ self._design
+        scores = np.concatenate([each[:, None] * self._rest for each in influence], axis=1)
+        grid = np.zeros((*self._band.shape, 6), np.float32)
+        grid[self._rows, self._columns] = scores
+        summed = _summed(grid)[self._rows, self._columns]
+        noise = scores[:, :3].T @ summed[:, :3] + scores[:, 3:].T @ summed[:, 3:]
+        noise = (noise + noise.T) / 2
+        noise += np.eye(3) * (SHARED_NOISE * np.trace(noise) + 1e-12)
+        row = np.linalg.solve(noise, difference)
+        axis: Array = row / (row @ difference)
+        return axis
+
+    def _move(self, solution: Array) -> None:
+        du, dv, su, sv, suv, blur = np.clip(solution[:6], -_MOST_MOVE, _MOST_MOVE).tolist()
+        stretch = np.array([[1 + su, suv], [suv, 1 + sv]])
+        self._centre = self._centre + np.array([du, dv])
+        self._moments = stretch @ self._moments @ stretch.T
+        self._blur = min(max(self._blur + blur, LEAST_BLUR), MOST_BLUR)
+
+    def measured(self) -> Measured:
+        """Give the outline that the fit ended at."""
+        outline = Ellipse(self._origin + self._centre, self._moments)
+        if not (np.isfinite(outline.centre).all() and outline.semi_axes[1] > 0.5):
+            msg = 'the fit of the outline came to nothing'
+            raise DetectionError(msg)
+        return Measured(outline, self._covariance(), self._blur)
+
+    def _covariance(self) -> Array:
+        """The centre's covariance from the residuals along the edge.
+
+        That of white noise, times what the residuals' correlation makes of it. The fit takes a
+        part of the noise with it, the more the smaller the outline; the pixels' leverage tells
+        how much, and it is given back.
+        """
+        edge = self._design[:2]
+        leverage = np.einsum(
+            'kn,kn->n', self._inverse.astype(np.float32) @ self._design, self._design
+        )
+        grid = np.zeros((*self._band.shape, 4), np.float32)
+        grid[self._rows, self._columns, :2] = edge.T
+        grid[self._rows, self._columns, 2:] = (edge * self._left).T
+        products = np.einsum('ijk,ijk->k', grid, _summed(grid), dtype=float)
+        weight = (edge * edge).sum(0)
+        total = weight.sum()
+        taken = float(weight @ leverage / total)
+        variance = float(weight @ (self._left**2)) / (total * max(1 - taken, 0.1)) + 1e-12
+        given = RETURNED * taken * products[:2].sum()
+        factor = max((products[2:].sum() / variance + given) / total, LEAST_FACTOR)
+        if self._jpeg:
+            factor *= JPEG_FACTOR
+        covariance: Array = self._inverse[:2, :2] * (variance * factor)
+        return covariance
+
+
+_MOST_MOVE = np.array([2.0, 2.0, 0.3, 0.3, 0.3, 0.4])
+
+
+def _summed(grid: np.ndarray) -> np.ndarray:
+    return cv2.sepFilter2D(grid, -1, KERNEL, KERNEL, borderType=cv2.BORDER_CONSTANT)
