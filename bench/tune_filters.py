@@ -11,12 +11,20 @@ import fcntl
 import importlib
 import pprint
 import time
+from collections.abc import Sequence as Series
 from pathlib import Path
 
-from binopos_ros.smoothing import tuned
-from binopos_ros.smoothing.trials.sequences import training_set
+import numpy as np
+
+from binopos_ros.smoothing import make_filter, tuned
+from binopos_ros.smoothing.opponents import bp_weights
+from binopos_ros.smoothing.trials.score import run_together
+from binopos_ros.smoothing.trials.sequences import Sequence, training_set
+from binopos_ros.smoothing.trials.training import examples, train
 from binopos_ros.smoothing.trials.tuning import SEARCHED, minimise, objective, options_at
 
+WEIGHTS_HEADER = '''"""The network of the BP-Kalman filter, from ``python bench/tune_filters.py``."""
+'''
 HEADER = '''"""Tuned defaults of every filter, found by ``python bench/tune_filters.py``."""
 
 from __future__ import annotations
@@ -27,12 +35,17 @@ from __future__ import annotations
 def main() -> None:
     """Tune the named filters one after the other."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('filters', nargs='*', default=list(SEARCHED), help='names; default: all')
+    parser.add_argument(
+        'filters', nargs='*', default=[*SEARCHED, 'bp-kalman'], help='names; default: all'
+    )
     parser.add_argument('--budget', type=int, default=201, help='evaluations per filter')
     parser.add_argument('--sequences', type=int, default=40, help='training sequences')
     arguments = parser.parse_args()
     trials = training_set(arguments.sequences)
     for name in arguments.filters:
+        if name == 'bp-kalman':
+            train_network(trials)
+            continue
         began = time.perf_counter()
         place, value = minimise(
             lambda at, name=name: objective(name, options_at(name, at), trials),
@@ -40,9 +53,32 @@ def main() -> None:
             arguments.budget,
         )
         options = options_at(name, place)
+        if name == 'cloud-kalman':
+            options['covariance_scale'] = calibrated(options, trials)
         save(name, options)
         seconds = time.perf_counter() - began
         print(f'{name}: {value:.4f} in {seconds:.0f} s: {options}', flush=True)
+
+
+def calibrated(options: dict[str, float], trials: Series[Sequence]) -> float:
+    """Return the factor on the covariance that makes the training's mean NEES 1."""
+    tracks = run_together(make_filter('cloud-kalman', **options), trials)
+    return float(f'{np.mean([track.normalised_squared_errors for track in tracks]):.3g}')
+
+
+def train_network(trials: Series[Sequence]) -> None:
+    """Train the BP-Kalman's network on top of the tuned Kalman filter, and write its weights."""
+    kalman = tuned.TUNED['kalman']
+    save('bp-kalman', kalman)
+    inputs, wished = examples(trials, **kalman)
+    network = train(inputs, wished)
+    before, after = np.mean(wished**2), np.mean((wished - network(inputs)) ** 2)
+    lines = [WEIGHTS_HEADER]
+    for name, value in zip(('HIDDEN', 'HIDDEN_BIAS', 'OUTPUT'), network[:3], strict=True):
+        lines.append(f'{name} = {pprint.pformat(np.round(value, 5).tolist(), width=96)}')
+    lines.append(f'OUTPUT_BIAS = {network.output_bias:.5f}')
+    Path(bp_weights.__file__).write_text('\n'.join(lines) + '\n')
+    print(f'bp-kalman: mean squared error {before:.4f} before, {after:.4f} with the network')
 
 
 def save(name: str, options: dict[str, float]) -> None:

@@ -1,9 +1,10 @@
 """The shell that every filter shares: stamps, bad measurements, late ones, starting afresh.
 
-A filter proper is four pure functions on its own *memory* (an immutable record of arrays that are
-never written into): start, advance, correct, estimate. So a prediction changes nothing, and a late
+A filter proper is four pure functions on its own *memory*, a NamedTuple of arrays that are never
+written into: start, advance, correct, estimate. So a prediction changes nothing, and a late
 measurement is filed in exactly, by going back to the memory before it and taking the later ones
-again.
+again. All four take leading dimensions: a batch of sequences in lock-step costs little more than
+one, which is what makes tuning affordable.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, build
 from binopos_ros.smoothing.state import FilterState, unknown_state
 
@@ -24,6 +26,8 @@ MemoryT = TypeVar('MemoryT')
 
 #: A covariance whose determinant is below this part of its diagonal's product is singular.
 SINGULAR = 1e-10
+#: Why a filter itself refused a position.
+OUTSIDE = 'the position does not belong to the cloud of the others (its certainty is 0)'
 #: A longer pause (s) between refused positions ends the run that could start the filter afresh.
 RUN_PAUSE = 0.5
 #: No prediction ages a state by more (s): by then nothing is known, and powers stay finite.
@@ -31,12 +35,15 @@ LONGEST_PREDICTION = 1e5
 
 
 class Estimate(NamedTuple):
-    """Position (3,), velocity (3,), their covariance (6, 6) and the last measurement's weight."""
+    """Position, velocity (..., 3), their covariance (..., 6, 6), the last measurement's weight.
+
+    A weight of 0 says that the measurement was not used.
+    """
 
     position: Array
     velocity: Array
     covariance: Array
-    certainty: float
+    certainty: Array | float
 
 
 class _Taken(NamedTuple):
@@ -110,17 +117,17 @@ class Filter(ABC, Generic[MemoryT]):
         if stamp - self._used_stamp > self.options.max_gap:
             return self._begin(stamp, measured, spread)
         memory = self._advance(self._memory, elapsed)
-        estimate = self._estimate(memory)
-        reason = self._why_unreachable(stamp, measured, estimate.position)
+        reason = self._why_unreachable(stamp, measured, self._place(memory))
         if reason:
             return self._refuse(stamp, measured, spread, reason)
-        memory, reason = self._correct(memory, measured, spread)
+        memory = self._correct(memory, measured, spread)
         self._keep(stamp, measured, spread, memory)
-        if reason:
-            return self._refuse(stamp, measured, spread, reason)
+        estimate = self._estimate(memory)
+        if estimate.certainty == 0.0:
+            return self._refuse(stamp, measured, spread, OUTSIDE)
         self._used_stamp = stamp
         self._run = None
-        return FilterState(stamp, *self._estimate(memory))
+        return _state(stamp, estimate)
 
     def predict(self, stamp: float) -> FilterState:
         """Return the state foretold for `stamp` (s) without changing the filter.
@@ -138,16 +145,20 @@ class Filter(ABC, Generic[MemoryT]):
         """Return the memory after a first measurement."""
 
     @abstractmethod
-    def _advance(self, memory: MemoryT, elapsed: float) -> MemoryT:
+    def _advance(self, memory: MemoryT, elapsed: Seconds) -> MemoryT:
         """Return the memory `elapsed` seconds later, without a measurement."""
 
     @abstractmethod
-    def _correct(self, memory: MemoryT, position: Array, covariance: Array) -> tuple[MemoryT, str]:
-        """Return the memory after a measurement at its stamp, and why it was not used, or ''."""
+    def _correct(self, memory: MemoryT, position: Array, covariance: Array) -> MemoryT:
+        """Return the memory after a measurement at its stamp."""
 
     @abstractmethod
     def _estimate(self, memory: MemoryT) -> Estimate:
         """Return what the memory says of the target."""
+
+    def _place(self, memory: MemoryT) -> Array:
+        """Return the estimate's position alone, which some filters have more cheaply."""
+        return self._estimate(memory).position
 
     def _say(self, stamp: float, reason: str) -> FilterState:
         if self._memory is None:
@@ -168,7 +179,7 @@ class Filter(ABC, Generic[MemoryT]):
         memory = self._start(position, covariance)
         self._keep(stamp, position, covariance, memory)
         self._used_stamp = stamp
-        return FilterState(stamp, *self._estimate(memory))
+        return _state(stamp, self._estimate(memory))
 
     def _keep(self, stamp: float, position: Array, covariance: Array, memory: MemoryT) -> None:
         self._memory = memory
@@ -210,20 +221,23 @@ class Filter(ABC, Generic[MemoryT]):
         later = [item for item in self._taken if item.stamp > stamp]
         base = earlier[-1]
         memory, newest = base.memory, base.stamp
-        late_reason = ''
+        used = True
         for _ in later:
             self._taken.pop()
         for item in [_Taken(stamp, position, covariance, None), *later]:
-            memory, reason = self._correct(
+            memory = self._correct(
                 self._advance(memory, item.stamp - newest), item.position, item.covariance
             )
             newest = item.stamp
             self._taken.append(item._replace(memory=memory))
             if item.stamp == stamp:
-                late_reason = reason
+                used = bool(self._estimate(memory).certainty > 0.0)
         self._memory = memory
-        estimate = self._estimate(memory)
-        return FilterState(self._stamp, *estimate[:3], estimate.certainty, late_reason)
+        return _state(self._stamp, self._estimate(memory), '' if used else OUTSIDE)
+
+
+def _state(stamp: float, estimate: Estimate, reason: str = '') -> FilterState:
+    return FilterState(stamp, *estimate[:3], float(estimate.certainty), reason)
 
 
 def _why_bad(position: Array, covariance: Array) -> str:

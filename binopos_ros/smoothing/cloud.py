@@ -56,11 +56,16 @@ def backward(drops: ArrayLike) -> Cloud:
     if samples.ndim != 2 or samples.shape[0] < 1:
         msg = f'drops of a cloud must have shape (n, d) with n >= 1, not {samples.shape}'
         raise SmoothingError(msg)
-    count = samples.shape[0]
-    expectation = samples.sum(axis=0) / count
-    deviation = samples - expectation
-    entropy = _MEAN_ABSOLUTE_TO_DEVIATION / count * np.abs(deviation).sum(axis=0)
-    variance = (deviation * deviation).sum(axis=0) / max(count - 1, 1)
+    return _backward(samples, np.ones((len(samples), 1)))
+
+
+def _backward(samples: Array, taken: Array) -> Cloud:
+    """Return the cloud of those samples (..., n, d) whose `taken` (..., n, 1) is 1, not 0."""
+    count = taken.sum(axis=-2)
+    expectation = (taken * samples).sum(axis=-2) / count
+    deviation = taken * (samples - expectation[..., None, :])
+    entropy = _MEAN_ABSOLUTE_TO_DEVIATION * np.abs(deviation).sum(axis=-2) / count
+    variance = (deviation * deviation).sum(axis=-2) / np.maximum(count - 1.0, 1.0)
     return Cloud(expectation, entropy, _hyper_entropy(variance, entropy))
 
 
@@ -86,66 +91,87 @@ def certainty(positions: Array, expectation: Array, widths: Array) -> Array:
 
 
 class SlidingCloud(NamedTuple):
-    """The cloud of the last `window` drops, exactly; drops is (n, d) with n <= window."""
+    """The cloud of the last drops, exactly: a full window (..., n, d), the newest drop last.
 
-    window: int
+    `taken` (..., n, 1) is 1 where the window holds a drop, 0 where it is still to be filled.
+    """
+
     drops: Array
+    taken: Array
 
     @classmethod
-    def empty(cls, window: int, dimensions: int = 3) -> SlidingCloud:
-        """Return a window without drops."""
-        return cls(window, np.empty((0, dimensions)))
+    def of(cls, drop: Array, window: int) -> SlidingCloud:
+        """Return a window of that length that holds one drop (..., d)."""
+        drops = np.repeat(drop[..., None, :], window, axis=-2)
+        taken = np.zeros((*drops.shape[:-1], 1))
+        taken[..., -1, :] = 1.0
+        return cls(drops, taken)
 
     def add(self, drop: Array) -> SlidingCloud:
-        """Return the window with one more drop (d,), without the one that falls out of it."""
-        kept = self.drops[1:] if len(self.drops) >= self.window else self.drops
-        return SlidingCloud(self.window, np.concatenate([kept, drop[None]]))
+        """Return the window with one more drop, without the one that falls out of it."""
+        newest = np.ones_like(self.taken[..., :1, :])
+        return SlidingCloud(
+            np.concatenate([self.drops[..., 1:, :], drop[..., None, :]], axis=-2),
+            np.concatenate([self.taken[..., 1:, :], newest], axis=-2),
+        )
 
     def cloud(self) -> Cloud:
         """Return the cloud of the drops in the window."""
-        return backward(self.drops)
+        return _backward(self.drops, self.taken)
 
 
 class RecursiveCloud(NamedTuple):
     """The cloud with exponential forgetting over about `window` drops, in constant time.
 
     The first `window` drops have equal weights, so it starts as the cloud of all drops so far.
-    Deviations are taken from the expectation before the drop: the sliding form's to first order.
+    Deviations are taken from the expectation of the drops before, and shrunk to what they would
+    be from the expectation after: the variance of the first `window` drops is exact, the entropy
+    is the sliding form's to first order. All arrays are (..., d), `total` is (..., 1).
     """
 
     window: float
-    total: int
+    total: Array
     expectation: Array
     absolute: Array
     variance: Array
 
     @classmethod
-    def empty(cls, window: float, dimensions: int = 3) -> RecursiveCloud:
-        """Return a cloud without drops."""
-        zero = np.zeros(dimensions)
-        return cls(window, 0, zero, zero, zero)
+    def of(cls, drop: Array, window: float) -> RecursiveCloud:
+        """Return the cloud of one drop (..., d)."""
+        zero = np.zeros_like(drop)
+        return cls(window, np.ones((*drop.shape[:-1], 1)), drop, zero, zero)
 
-    def add(self, drop: Array) -> RecursiveCloud:
-        """Return the cloud with one more drop (d,)."""
-        count = self.total + 1
-        gain = 1.0 / min(count, self.window)
+    @classmethod
+    def at_rest(cls, entropy: Array, total: Array, window: float) -> RecursiveCloud:
+        """Return a cloud about 0 as if `total` (..., 1) drops of that `entropy` had been seen."""
+        absolute = entropy / _MEAN_ABSOLUTE_TO_DEVIATION
+        return cls(window, total, np.zeros_like(entropy), absolute, entropy * entropy)
+
+    def add(self, drop: Array, weight: Array | float = 1.0) -> RecursiveCloud:
+        """Return the cloud with one more drop of a weight (..., 1) from 0 to 1."""
+        total = self.total + weight
+        gain = weight / np.minimum(total, self.window)
+        kept = 1.0 - gain
         deviation = drop - self.expectation
-        expectation = self.expectation + gain * deviation
-        # The drop itself pulls the expectation, so a deviation from the old one is too large by
-        # 1 / (1 - gain) in the mean square; the same shrinking serves the absolute deviation.
-        shrunk = math.sqrt(1.0 - gain) * deviation
-        forgotten = 1.0 - gain
+        # The drop pulls the expectation, so that deviations from the old one are too large by
+        # the factor 1 / (1 - gain) in the mean square.
+        shrunk = np.sqrt(kept) * np.abs(deviation)
         return RecursiveCloud(
             self.window,
-            count,
-            expectation,
-            forgotten * self.absolute + gain * np.abs(shrunk),
-            forgotten * self.variance + gain * shrunk * shrunk,
+            total,
+            self.expectation + gain * deviation,
+            kept * self.absolute + gain * shrunk,
+            kept * self.variance + gain * shrunk * shrunk,
         )
+
+    @property
+    def entropy(self) -> Array:
+        """En as it stands."""
+        return _MEAN_ABSOLUTE_TO_DEVIATION * self.absolute
 
     def cloud(self) -> Cloud:
         """Return the cloud as it stands."""
-        entropy = _MEAN_ABSOLUTE_TO_DEVIATION * self.absolute
+        entropy = self.entropy
         return Cloud(self.expectation, entropy, _hyper_entropy(self.variance, entropy))
 
 

@@ -1,193 +1,238 @@
-"""The default smoother: a bank of Kalman filters steered by the cloud of innovations."""
+"""The default smoother: a bank of Kalman filters steered by the cloud of its innovations.
+
+The paper's idea is kept: a cloud model says how the measured positions scatter, and its certainty
+controls the Kalman filter. Changed is what makes it work for a target that moves:
+
+* the cloud's drops are what is left of the measured positions once the target's filtered position
+  is taken off, not the positions themselves;
+* its expectation is a lag: the control input of the turning hypothesis (Eq. 16), as far as it
+  stands out of its own uncertainty;
+* its entropy is the waves' present spread, its square less the measurement's own variance their
+  variance;
+* its hyper-entropy says how far that spread can be trusted: it widens the certainty;
+* its certainty (Eq. 24) weighs each measurement: Welsch's weight exp(-(d / width)^2 / 2) of robust
+  statistics (Dennis & Welsch, Commun. Stat. Simul. Comput. 7(4), 1978);
+* the waves' motion is an oscillation in the state (:mod:`binopos_ros.smoothing.wave`), and the
+  target's one of three kinds (:mod:`binopos_ros.smoothing.bank`), along and across the line of
+  sight, where waves and pixels err very differently.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.smoothing.bank import (
+    TURNING,
+    Bank,
+    Hypotheses,
+    Motion,
+    P,
+    innovations,
+    mean_position,
+    moments,
+    update,
+)
 from binopos_ros.smoothing.base import Estimate, Filter
+from binopos_ros.smoothing.cloud import RecursiveCloud
+from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option, tuned_options
 
 Array = NDArray[np.float64]
-_I3 = np.arange(3)
+
+#: Positions with less certainty than this are not used, and the state says so.
+_LEAST_CERTAINTY = 1e-8
+#: Drops that the assumed wave height at the start counts for.
+_DROPS_AT_START = 10.0
+#: The axes follow the line of sight once its direction is off by half a degree: tan^2.
+_TURNED = math.tan(math.radians(0.5)) ** 2
+#: Wave variance (m^2) below which there are no waves.
+_CALM = 1e-10
 
 
 @tuned_options('cloud-kalman')
 class CloudKalmanOptions(Options):
-    """Options of the default smoother."""
+    """Options of the cloud-Kalman filter; the tuned values serve all motions and all waves."""
 
-    window: float = option(40.0, 'innovations that make up the cloud', '', (2.0, 1e4))
-    still_density: float = option(1e-8, 'random walk still', 'm^2/s', (0.0, 1e6))
-    slow_density: float = option(1e-5, 'slow', 'm^2/s^3', (0.0, 1e6))
-    turn_acceleration: float = option(0.3, 'fast', 'm/s^2', (0.0, 1e6))
-    turn_time: float = option(1.0, 'fast', 's', (1e-3, 1e6))
-    fast_density: float = option(1e-5, 'slow', 'm^2/s^3', (0.0, 1e6))
-    start_speed: float = option(0.05, 'speed when still target goes', 'm/s', (1e-6, 100.0))
-    still_dwell: float = option(2.0, 'dwell', 's', (1e-3, 1e4))
-    slow_dwell: float = option(2.0, 'dwell', 's', (1e-3, 1e4))
-    fast_dwell: float = option(1.0, 'dwell', 's', (1e-3, 1e4))
-    wave_std: float = option(0.004, 'start', 'm', (0.0, 10.0))
-    wave_frequency: float = option(2.8, 'start', 'Hz', (0.1, 100.0))
-    wave_damping: float = option(0.25, 'damping', '', (0.01, 0.99))
-    measurement_scale: float = option(1.5, 'factor', '', (1e-3, 1e6))
-    certainty_width: float = option(3.0, 'welsch', '', (0.5, 100.0))
-    covariance_scale: float = option(1.0, 'factor', '', (1e-3, 1e6))
+    window: float = option(50.0, 'positions that make up the cloud', '', (5.0, 1e4))
+    still_density: float = option(
+        1e-10, 'growth of the variance of a still target', 'm^2/s', (0.0, 1.0)
+    )
+    steady_density: float = option(
+        1e-6, 'acceleration density of a steady target', 'm^2/s^3', (0.0, 1e3)
+    )
+    turn_acceleration: float = option(
+        0.3, 'standard deviation of the acceleration of a turning target', 'm/s^2', (1e-4, 1e3)
+    )
+    turn_time: float = option(0.6, 'time over which a turn changes', 's', (0.01, 100.0))
+    start_speed: float = option(
+        0.02, 'standard deviation of the velocity of a target that starts', 'm/s', (1e-5, 100.0)
+    )
+    still_dwell: float = option(6.0, 'mean time that a target is still', 's', (0.01, 1e4))
+    steady_dwell: float = option(6.0, 'mean time that a target is steady', 's', (0.01, 1e4))
+    turn_dwell: float = option(1.0, 'mean time that a target turns', 's', (0.01, 1e4))
+    wave_std: float = option(
+        0.002, 'deviation by waves across the line of sight, at the start', 'm', (1e-6, 1.0)
+    )
+    wave_frequency: float = option(3.3, "the waves' mean frequency", 'Hz', (0.1, 100.0))
+    wave_damping: float = option(0.25, "the waves' band, as a damping ratio", '', (0.01, 0.95))
+    certainty_width: float = option(
+        2.5, 'deviations at which the certainty is exp(-1/2)', '', (0.5, 100.0)
+    )
+    covariance_scale: float = option(1.0, 'factor on the covariance given out', '', (0.01, 100.0))
+
+    def motion(self) -> Motion:
+        """Return what the bank needs of the options."""
+        return Motion(
+            still_density=self.still_density,
+            steady_density=self.steady_density,
+            turn_acceleration=self.turn_acceleration,
+            turn_time=self.turn_time,
+            start_speed=self.start_speed,
+            dwells=(self.still_dwell, self.steady_dwell, self.turn_dwell),
+            wave_frequency=self.wave_frequency,
+            wave_damping=self.wave_damping,
+        )
 
 
 class _Memory(NamedTuple):
-    states: Array  # (M,3,5): p v a s u along each of the axes
-    covariances: Array  # (M,3,5,5)
-    weights: Array
-    power: Array  # wave variance per axis (3,), m^2
-    omega: Array
-    moments: Array  # (2,3)
-    axes: Array  # (3,3) rows
-    total: int
-    certainty: float
+    """The bank; the cloud of innovations; the axes (..., 3, 3), rows, the last the line of sight.
+
+    `wave` (..., 3) is the waves' variance along the axes, m^2.
+    """
+
+    bank: Hypotheses
+    cloud: RecursiveCloud
+    wave: Array
+    axes: Array
+    certainty: Array
 
 
 class CloudKalmanFilter(Filter[_Memory]):
-    """Kalman filter whose noises follow the cloud of its innovations."""
+    """Cloud-Kalman filter: the default smoother."""
 
     name: ClassVar[str] = 'cloud-kalman'
     options_class: ClassVar[type[Options]] = CloudKalmanOptions
     options: CloudKalmanOptions
 
-    def __init__(self, **options):
+    def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        o = self.options
-        self._entry = np.zeros((3, 3, 5))  # i->j, diag var of new components
-        self._entry[0, 1:, 1] = o.start_speed**2
-        self._entry[:2, 2, 2] = o.turn_acceleration**2
-        self._dwell = np.array([o.still_dwell, o.slow_dwell, o.fast_dwell])
+        self._bank = Bank(self.options.motion())
+        self._doubled_width = -2.0 * self.options.certainty_width**2
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
-        o = self.options
-        axes = _line_of_sight_axes(covariance, np.eye(3))
-        r = np.diagonal(axes @ covariance @ axes.T)
-        power = o.wave_std**2 * r / (0.5 * (r[0] + r[1]))
-        P = np.zeros((3, 3, 5, 5))
-        P[:, :, 0, 0] = o.measurement_scale * r + power
-        P[1:, :, 1, 1] = o.start_speed**2
-        P[2, :, 2, 2] = o.turn_acceleration**2
-        P[:, :, 3, 3] = P[:, :, 4, 4] = power
-        P[:, :, 0, 4] = P[:, :, 4, 0] = -power
-        x = np.zeros((3, 3, 5))
-        x[:, :, 0] = axes @ position
-        omega = np.full(3, 2 * math.pi * o.wave_frequency)
-        return _Memory(
-            x, P, np.full(3, 1 / 3), power, omega, np.array([power, power]), axes, 1, 1.0
+        batch = position.shape[:-1]
+        axes = _follow(np.broadcast_to(np.eye(3), (*batch, 3, 3)), covariance)
+        variance = np.diagonal(_along(axes, covariance), axis1=-2, axis2=-1)
+        # Waves shift pixels, so their errors in space have the proportions of the pixels' errors.
+        across = 0.5 * (variance[..., :1] + variance[..., 1:2])
+        wave = self.options.wave_std**2 * variance / across
+        bank = self._bank.start((axes @ position[..., None])[..., 0], variance, wave)
+        total = np.full((*batch, 1), _DROPS_AT_START)
+        cloud = RecursiveCloud.at_rest(np.sqrt(wave), total, self.options.window)
+        return _Memory(bank, cloud, wave, axes, np.ones(batch))
+
+    def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
+        return memory._replace(bank=self._bank.advance(memory.bank, memory.wave, elapsed))
+
+    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
+        memory, variance = _turned(memory, covariance)
+        cloud = memory.cloud
+        entropy = cloud.entropy
+        squared_entropy = entropy * entropy
+        measured = (memory.axes @ position[..., None])[..., 0]
+        bank = _controlled(memory.bank, cloud.expectation, squared_entropy / self.options.window)
+        innovation, expected, cross = innovations(bank, measured, variance)
+        certainty = self._certainty(innovation, expected, squared_entropy, cloud.variance)
+        bank = update(bank, innovation, expected, cross, certainty)
+        drops = cloud.add(measured - mean_position(bank), certainty)
+        entropy = drops.entropy
+        wave = np.maximum(entropy * entropy - variance, _CALM)
+        return _Memory(bank, drops, wave, memory.axes, certainty[..., 0])
+
+    def _certainty(
+        self, innovation: Array, expected: Array, squared_entropy: Array, variance: Array
+    ) -> Array:
+        """Return the certainty (..., 1) of an innovation, under the hypothesis it fits best.
+
+        The hyper-entropy, He^2 = S^2 - En^2 over all axes, widens it by (En^2 + He^2) / En^2.
+        """
+        squared = (innovation * innovation / expected).sum(axis=-1).min(axis=-1, keepdims=True)
+        doubt = variance.sum(axis=-1, keepdims=True) / squared_entropy.sum(axis=-1, keepdims=True)
+        return np.exp(squared / (self._doubled_width * np.maximum(doubt, 1.0)))
+
+    def _place(self, memory: _Memory) -> Array:
+        return (mean_position(memory.bank)[..., None, :] @ memory.axes)[..., 0, :]
+
+    def _estimate(self, memory: _Memory) -> Estimate:
+        axes = memory.axes
+        back = axes.swapaxes(-1, -2)
+        mean, spread = moments(memory.bank)
+        vectors = back @ mean
+        # (..., axis, a, b) to (..., a, b, 1, axis): one 3 x 3 rotation per pair of p and v.
+        blocks = np.moveaxis(spread, -3, -1)[..., None, :] * back[..., None, None, :, :]
+        covariance = (blocks @ axes[..., None, None, :, :]).swapaxes(-3, -2)
+        covariance = covariance.reshape(*covariance.shape[:-4], 6, 6)
+        return Estimate(
+            vectors[..., 0],
+            vectors[..., 1],
+            self.options.covariance_scale * covariance,
+            np.where(memory.certainty > _LEAST_CERTAINTY, memory.certainty, 0.0),
         )
 
-    def _advance(self, m: _Memory, dt: float) -> _Memory:
-        o = self.options
-        stay = np.exp(-dt / self._dwell)
-        T = np.tile(0.5 * (1.0 - stay)[:, None], (1, 3))
-        T[_I3, _I3] = stay
-        c = m.weights @ T
-        mix = T * m.weights[:, None] / c
-        ref = m.states[0]
-        Y = m.states - ref
-        y0 = (mix.T @ Y.reshape(3, 15)).reshape(3, 3, 5)
-        G = m.covariances + Y[..., :, None] * Y[..., None, :]
-        P0 = (mix.T @ G.reshape(3, 75)).reshape(3, 3, 5, 5) - y0[..., :, None] * y0[..., None, :]
-        E = np.einsum('ij,ijk->jk', mix, self._entry)
-        k = np.arange(5)
-        P0[:, :, k, k] += E[:, None, :]
-        x0 = y0 + ref
-        F = np.zeros((3, 3, 5, 5))
-        F[:, :, 0, 0] = 1.0
-        F[1:, :, 0, 1] = dt
-        F[1:, :, 1, 1] = 1.0
-        tau = o.turn_time
-        e = math.exp(-dt / tau)
-        F[2, :, 0, 2] = tau * tau * (e - 1 + dt / tau)
-        F[2, :, 1, 2] = tau * (1 - e)
-        F[2, :, 2, 2] = e
-        damping = o.wave_damping
-        damped = math.sqrt(1 - damping**2)
-        angle = damped * dt * m.omega
-        decay = np.exp(-damping * dt * m.omega)
-        cs = decay * np.cos(angle)
-        sn = decay * np.sin(angle) / damped
-        aa, uu = cs + damping * sn, cs - damping * sn
-        F[:, :, 3, 3] = aa
-        F[:, :, 3, 4] = sn
-        F[:, :, 4, 3] = -sn
-        F[:, :, 4, 4] = uu
-        Q = np.zeros((3, 3, 5, 5))
-        Q[0, :, 0, 0] = o.still_density * dt
-        for j, q in ((1, o.slow_density), (2, o.fast_density)):
-            Q[j, :, 0, 0] = q * dt**3 / 3
-            Q[j, :, 0, 1] = Q[j, :, 1, 0] = q * dt**2 / 2
-            Q[j, :, 1, 1] = q * dt
-        q = 2 * o.turn_acceleration**2 / tau
-        Q[2, :, :3, :3] += q * np.array(
-            [
-                [dt**5 / 20, dt**4 / 8, dt**3 / 6],
-                [dt**4 / 8, dt**3 / 3, dt**2 / 2],
-                [dt**3 / 6, dt**2 / 2, dt],
-            ]
-        )
-        Q[:, :, 3, 3] = m.power * (1 - aa * aa - sn * sn)
-        Q[:, :, 4, 4] = m.power * (1 - sn * sn - uu * uu)
-        Q[:, :, 3, 4] = Q[:, :, 4, 3] = -m.power * (sn * uu - aa * sn)
-        x = (F @ x0[..., None])[..., 0]
-        P = F @ P0 @ F.transpose(0, 1, 3, 2) + Q
-        return m._replace(states=x, covariances=P, weights=c)
 
-    def _correct(self, m: _Memory, position: Array, covariance: Array) -> tuple[_Memory, str]:
-        o = self.options
-        axes = _line_of_sight_axes(covariance, m.axes)
-        states = m.states
-        turn = axes @ m.axes.T
-        states = np.concatenate([turn @ states[..., :3], states[..., 3:]], axis=-1)
-        r = o.measurement_scale * np.diagonal(axes @ covariance @ axes.T)
-        nu = axes @ position - states[..., 0] - states[..., 4]
-        P = m.covariances
-        PH = P[..., 0] + P[..., 4]
-        S = PH[..., 0] + PH[..., 4] + r
-        d2 = np.sum(nu * nu / S, axis=1)
-        best = d2.min()
-        lam = math.exp(-0.5 * best / o.certainty_width**2)
-        if lam < 1e-8:
-            return m._replace(certainty=0.0), f'uncertain {best}'
-        K = PH * (lam / S)[..., None]
-        x = states + K * nu[..., None]
-        P = P - K[..., :, None] * PH[..., None, :]
-        logL = -0.5 * lam * d2 - 0.5 * np.log(S).sum(axis=1)
-        logL -= logL.max()
-        w = m.weights * np.exp(logL) + 1e-12
-        w /= w.sum()
-        a = lam / min(m.total + 1, o.window)
-        mean = np.tensordot(w, x[:, :, 3:], 1)
-        k = np.arange(3, 5)
-        var = np.tensordot(w, P[:, :, k, k] + (x[:, :, 3:] - mean) ** 2, 1)
-        m2 = (mean**2 + var).T
-        mom = (1 - a) * m.moments + a * m2
-        omega = m.omega * (1 + a * 0.5 * (mom[1] / mom[0] - 1.0))
-        omega = np.clip(omega, 2 * math.pi * 1.2, 2 * math.pi * 7)
-        return _Memory(x, P, w, mom[1], omega, mom, axes, m.total + 1, lam), ''
+def _controlled(bank: Hypotheses, lag: Array, doubt: Array) -> Hypotheses:
+    """Return the bank after the control input U = Ex of Eq. 16, as far as Ex stands out.
 
-    def _estimate(self, m: _Memory) -> Estimate:
-        w = m.weights
-        x = m.states[..., :2]
-        mean = np.tensordot(w, x, 1)
-        D = x - mean
-        V = np.tensordot(w, m.covariances[..., :2, :2] + D[..., :, None] * D[..., None, :], 1)
-        C = np.einsum('kab,ki,kj->aibj', V, m.axes, m.axes).reshape(6, 6)
-        pv = m.axes.T @ mean
-        return Estimate(pv[:, 0], pv[:, 1], self.options.covariance_scale * C, m.certainty)
+    The expectation `lag` (..., 3) of n drops that scatter by En is uncertain by the variance
+    `doubt` = En^2 / n; what is taken of it is its share of the sum of both.
+    """
+    squared = lag * lag
+    control = lag * (squared / (squared + doubt))
+    states = bank.states.copy()
+    states[..., TURNING, :, P] += control
+    return bank._replace(states=states)
 
 
-def _line_of_sight_axes(covariance: Array, axes: Array) -> Array:
-    e3 = covariance @ axes[2]
-    if not np.any(e3):
-        return axes
-    e3 = e3 / np.linalg.norm(e3)
-    e1 = axes[0] - (axes[0] @ e3) * e3
-    e1 = e1 / np.linalg.norm(e1)
-    return np.array([e1, np.cross(e3, e1), e3])
+def _along(axes: Array, covariance: Array) -> Array:
+    """Return covariances (..., 3, 3) in the axes."""
+    return axes @ covariance @ axes.swapaxes(-1, -2)
+
+
+def _squared_length(vector: Array) -> Array:
+    return (vector * vector).sum(axis=-1, keepdims=True)
+
+
+def _turned(memory: _Memory, covariance: Array) -> tuple[_Memory, Array]:
+    """Return the memory along axes that follow the line of sight, and the variances there.
+
+    Positions, velocities and accelerations turn with the axes. Their variances stay with the axes:
+    it is the line of sight that they come from, and a step turns it by next to nothing.
+    """
+    turned = _along(memory.axes, covariance)
+    variance = np.diagonal(turned, axis1=-2, axis2=-1)
+    tilt = _squared_length(turned[..., 2, :2]) > _TURNED * variance[..., 2:] ** 2
+    if not tilt.any():
+        return memory, variance
+    axes = np.where(tilt[..., None], _follow(memory.axes, covariance), memory.axes)
+    turn = (axes @ memory.axes.swapaxes(-1, -2))[..., None, :, :]
+    states = memory.bank.states
+    states = np.concatenate([turn @ states[..., :3], states[..., 3:]], axis=-1)
+    memory = memory._replace(bank=memory.bank._replace(states=states), axes=axes)
+    return memory, np.diagonal(_along(axes, covariance), axis1=-2, axis2=-1)
+
+
+def _follow(axes: Array, covariance: Array) -> Array:
+    """Return orthonormal axes (..., 3, 3) near `axes`, the last one along the line of sight.
+
+    That is the direction of least accuracy; one step of the power method from the last axis.
+    """
+    sight = (covariance @ axes[..., 2, :, None])[..., 0]
+    sight = sight / np.sqrt(_squared_length(sight))
+    first = axes[..., 0, :]
+    first = first - (first * sight).sum(axis=-1, keepdims=True) * sight
+    first = first / np.sqrt(_squared_length(first))
+    return np.stack([first, np.cross(sight, first), sight], axis=-2)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate, Filter
-from binopos_ros.smoothing.motion import transition, white_acceleration
+from binopos_ros.smoothing.motion import Seconds, transition, white_acceleration
 from binopos_ros.smoothing.options import Options, option, tuned_options
 
 Array = NDArray[np.float64]
@@ -20,11 +20,11 @@ _EYE3 = np.eye(3)
 
 
 class Gaussian(NamedTuple):
-    """State (6,): position and velocity (m, m/s); its covariance (6, 6); last weight."""
+    """State (..., 6): position and velocity (m, m/s); its covariance (..., 6, 6); last weight."""
 
     state: Array
     covariance: Array
-    certainty: float = 1.0
+    certainty: Array | float = 1.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -42,15 +42,15 @@ class MeasurementOptions(Options):
     )
 
     def measurement_covariance(self, covariance: Array) -> Array:
-        """Return R (3, 3), m^2, for a measurement of that covariance."""
+        """Return R (..., 3, 3), m^2, for a measurement of that covariance."""
         return self.measurement_scale * covariance + self.measurement_std**2 * _EYE3
 
     def first(self, position: Array, covariance: Array) -> Gaussian:
         """Return the Gaussian that a first measurement leaves: its position, no velocity."""
-        spread = np.zeros((6, 6))
-        spread[:3, :3] = self.measurement_covariance(covariance)
-        spread[3:, 3:] = self.initial_speed**2 * _EYE3
-        return Gaussian(np.concatenate([position, np.zeros(3)]), spread)
+        spread = np.zeros((*position.shape[:-1], 6, 6))
+        spread[..., :3, :3] = self.measurement_covariance(covariance)
+        spread[..., 3:, 3:] = self.initial_speed**2 * _EYE3
+        return Gaussian(np.concatenate([position, np.zeros_like(position)], axis=-1), spread)
 
 
 @tuned_options('kalman')
@@ -65,29 +65,30 @@ class KalmanOptions(MeasurementOptions):
     )
 
 
-def predict(gaussian: Gaussian, elapsed: float, density: float) -> Gaussian:
+def predict(gaussian: Gaussian, elapsed: Seconds, density: float) -> Gaussian:
     """Return the Gaussian `elapsed` seconds later (Eq. 16-17 without a control input)."""
     psi = transition(elapsed)
-    covariance = psi @ gaussian.covariance @ psi.T + white_acceleration(elapsed, density)
-    return Gaussian(psi @ gaussian.state, covariance)
+    covariance = psi @ gaussian.covariance @ psi.swapaxes(-1, -2)
+    state = (psi @ gaussian.state[..., None])[..., 0]
+    return Gaussian(state, covariance + white_acceleration(elapsed, density))
 
 
 def update(gaussian: Gaussian, position: Array, noise: Array) -> Gaussian:
-    """Return the Gaussian after a measured position (3,) with covariance R = `noise` (3, 3)."""
+    """Return the Gaussian after a measured position (..., 3) with R = `noise` (..., 3, 3)."""
     state, covariance = gaussian.state, gaussian.covariance
-    cross = covariance[:, :3]
-    gain = cross @ np.linalg.inv(cross[:3] + noise)
-    corrected = covariance - gain @ cross.T
+    cross = covariance[..., :3]
+    gain = cross @ np.linalg.inv(cross[..., :3, :] + noise)
+    corrected = covariance - gain @ cross.swapaxes(-1, -2)
     return Gaussian(
-        state + gain @ (position - state[:3]), 0.5 * (corrected + corrected.T), gaussian.certainty
+        state + (gain @ (position - state[..., :3])[..., None])[..., 0],
+        0.5 * (corrected + corrected.swapaxes(-1, -2)),
     )
 
 
 def estimate(gaussian: Gaussian) -> Estimate:
     """Return a Gaussian as the shell's estimate."""
-    return Estimate(
-        gaussian.state[:3], gaussian.state[3:], gaussian.covariance, gaussian.certainty
-    )
+    state = gaussian.state
+    return Estimate(state[..., :3], state[..., 3:], gaussian.covariance, gaussian.certainty)
 
 
 class KalmanFilter(Filter[Gaussian]):
@@ -100,14 +101,12 @@ class KalmanFilter(Filter[Gaussian]):
     def _start(self, position: Array, covariance: Array) -> Gaussian:
         return self.options.first(position, covariance)
 
-    def _advance(self, memory: Gaussian, elapsed: float) -> Gaussian:
+    def _advance(self, memory: Gaussian, elapsed: Seconds) -> Gaussian:
         return predict(memory, elapsed, self.options.acceleration_density)
 
-    def _correct(
-        self, memory: Gaussian, position: Array, covariance: Array
-    ) -> tuple[Gaussian, str]:
+    def _correct(self, memory: Gaussian, position: Array, covariance: Array) -> Gaussian:
         noise = self.options.measurement_covariance(covariance)
-        return update(memory, position, noise), ''
+        return update(memory, position, noise)
 
     def _estimate(self, memory: Gaussian) -> Estimate:
         return estimate(memory)

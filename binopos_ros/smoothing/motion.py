@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+#: One time span, or one for each sequence of a batch.
+Seconds = float | Array
 
 _EYE3 = np.eye(3)
 _RATE = np.kron([[0.0, 1.0], [0.0, 0.0]], _EYE3)
@@ -19,13 +21,15 @@ _CROSS = np.kron([[0.0, 1.0], [1.0, 0.0]], _EYE3)
 _VELOCITY = np.kron([[0.0, 0.0], [0.0, 1.0]], _EYE3)
 
 
-def transition(elapsed: float) -> Array:
-    """Return the (6, 6) transition of position and velocity over `elapsed` seconds."""
-    return _EYE6 + elapsed * _RATE
+def transition(elapsed: Seconds) -> Array:
+    """Return the (..., 6, 6) transitions of position and velocity over `elapsed` seconds."""
+    return _EYE6 + np.asarray(elapsed)[..., None, None] * _RATE
 
 
-def white_acceleration(elapsed: float, density: float) -> Array:
-    """Return the (6, 6) process noise of white acceleration of `density` (m^2/s^3)."""
-    return density * (
-        (elapsed**3 / 3.0) * _POSITION + (elapsed**2 / 2.0) * _CROSS + elapsed * _VELOCITY
+def white_acceleration(elapsed: Seconds, density: float) -> Array:
+    """Return the (..., 6, 6) process noises of white acceleration of `density` (m^2/s^3)."""
+    time = np.asarray(elapsed)[..., None, None]
+    squared = time * time
+    return (density / 3.0 * squared * time) * _POSITION + (
+        (0.5 * density * squared) * _CROSS + (density * time) * _VELOCITY
     )

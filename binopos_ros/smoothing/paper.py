@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.cloud import SlidingCloud, certainty
 from binopos_ros.smoothing.kalman import Gaussian, KalmanOptions, estimate, predict, update
+from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option, tuned_options
 from binopos_ros.smoothing.state import FilterState
 
@@ -32,10 +33,18 @@ class PaperCloudKalmanOptions(KalmanOptions):
     control: float = option(1.0, 'factor on the certainty as control parameter', '', (-10.0, 10.0))
 
 
+#: What the state shows at least.
+SMALLEST_CERTAINTY = 1e-12
+
+
 class _Memory(NamedTuple):
     gaussian: Gaussian
     cloud: SlidingCloud
-    total: int
+    total: NDArray[np.int64]
+
+
+#: Standard normal numbers for step (5), the same in every run: (numbers, 3).
+_DRAWS = np.random.default_rng(24).standard_normal((1009, 3))
 
 
 class PaperCloudKalmanFilter(Filter[_Memory]):
@@ -46,27 +55,29 @@ class PaperCloudKalmanFilter(Filter[_Memory]):
     options: PaperCloudKalmanOptions
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
-        cloud = SlidingCloud.empty(self.options.window).add(position)
-        return _Memory(self.options.first(position, covariance), cloud, 1)
+        cloud = SlidingCloud.of(position, self.options.window)
+        first = self.options.first(position, covariance)
+        return _Memory(first, cloud, np.ones(position.shape[:-1], dtype=np.int64))
 
-    def _advance(self, memory: _Memory, elapsed: float) -> _Memory:
+    def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         density = self.options.acceleration_density
         return memory._replace(gaussian=predict(memory.gaussian, elapsed, density))
 
-    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> tuple[_Memory, str]:
+    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
         drops = memory.cloud.add(position)
         cloud = drops.cloud()
         state = memory.gaussian.state
-        # Seeded by the position's number: the draw of step (5), the same in every run.
-        random = np.random.default_rng(memory.total)
-        widths = random.normal(cloud.entropy, self.options.hyper_entropy)
-        weight = float(certainty(state[:3], cloud.expectation, widths))
-        pull = self.options.control * weight * (cloud.expectation - state[:3])
-        pulled = memory.gaussian._replace(
-            state=np.concatenate([state[:3] + pull, state[3:]]), certainty=weight
-        )
+        predicted = state[..., :3]
+        draws = _DRAWS[memory.total % len(_DRAWS)]
+        widths = cloud.entropy + self.options.hyper_entropy * draws
+        weight = certainty(predicted, cloud.expectation, widths)
+        pull = (self.options.control * weight)[..., None] * (cloud.expectation - predicted)
+        pulled = np.concatenate([predicted + pull, state[..., 3:]], axis=-1)
         noise = self.options.measurement_covariance(covariance)
-        return _Memory(update(pulled, position, noise), drops, memory.total + 1), ''
+        gaussian = update(memory.gaussian._replace(state=pulled), position, noise)
+        # A certainty of 0 would say that the position was not used, which the paper never does.
+        shown = np.maximum(weight, SMALLEST_CERTAINTY)
+        return _Memory(gaussian._replace(certainty=shown), drops, memory.total + 1)
 
     def _estimate(self, memory: _Memory) -> Estimate:
         return estimate(memory.gaussian)

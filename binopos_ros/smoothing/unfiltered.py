@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.kalman import Gaussian, estimate
-from binopos_ros.smoothing.motion import transition, white_acceleration
-from binopos_ros.smoothing.state import UNKNOWN_VARIANCE
+from binopos_ros.smoothing.motion import Seconds, transition, white_acceleration
 
 Array = NDArray[np.float64]
 
@@ -24,20 +23,18 @@ class NoFilter(Filter[Gaussian]):
     name: ClassVar[str] = 'none'
 
     def _start(self, position: Array, covariance: Array) -> Gaussian:
-        spread = np.zeros((6, 6))
-        spread[:3, :3] = covariance
-        spread[3:, 3:] = _SPEED_VARIANCE * np.eye(3)
-        return Gaussian(np.concatenate([position, np.zeros(3)]), spread)
+        spread = np.zeros((*position.shape[:-1], 6, 6))
+        spread[..., :3, :3] = covariance
+        spread[..., 3:, 3:] = _SPEED_VARIANCE * np.eye(3)
+        return Gaussian(np.concatenate([position, np.zeros_like(position)], axis=-1), spread)
 
-    def _advance(self, memory: Gaussian, elapsed: float) -> Gaussian:
-        psi = transition(min(elapsed, UNKNOWN_VARIANCE))
-        spread = psi @ memory.covariance @ psi.T + white_acceleration(elapsed, _SPEED_VARIANCE)
-        return Gaussian(memory.state, spread)
+    def _advance(self, memory: Gaussian, elapsed: Seconds) -> Gaussian:
+        psi = transition(elapsed)
+        spread = psi @ memory.covariance @ psi.swapaxes(-1, -2)
+        return Gaussian(memory.state, spread + white_acceleration(elapsed, _SPEED_VARIANCE))
 
-    def _correct(
-        self, memory: Gaussian, position: Array, covariance: Array
-    ) -> tuple[Gaussian, str]:
-        return self._start(position, covariance), ''
+    def _correct(self, memory: Gaussian, position: Array, covariance: Array) -> Gaussian:
+        return self._start(position, covariance)
 
     def _estimate(self, memory: Gaussian) -> Estimate:
         return estimate(memory)

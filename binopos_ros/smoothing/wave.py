@@ -18,16 +18,20 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def oscillator(omega: Array, damping: float, elapsed: float) -> Array:
-    """Return the (k, 2, 2) transitions of (a, u) over `elapsed` s for `omega` (k,), rad/s."""
+def oscillator(omega: Array | float, damping: float, elapsed: Array | float) -> Array:
+    """Return the (..., 2, 2) transitions of (a, u) over `elapsed` (s) at `omega` (rad/s).
+
+    Times and frequencies broadcast against each other.
+    """
     damped = math.sqrt(1.0 - damping * damping)
-    angle = (damped * elapsed) * omega
-    decay = np.exp((-damping * elapsed) * omega)
+    turned = np.asarray(elapsed * omega)
+    angle = damped * turned
+    decay = np.exp(-damping * turned)
     cosine = decay * np.cos(angle)
     sine = decay * np.sin(angle) / damped
-    result = np.empty((omega.size, 2, 2))
-    result[:, 0, 0] = cosine + damping * sine
-    result[:, 0, 1] = sine
-    result[:, 1, 0] = -sine
-    result[:, 1, 1] = cosine - damping * sine
+    result = np.empty((*turned.shape, 2, 2))
+    result[..., 0, 0] = cosine + damping * sine
+    result[..., 0, 1] = sine
+    result[..., 1, 0] = -sine
+    result[..., 1, 1] = cosine - damping * sine
     return result

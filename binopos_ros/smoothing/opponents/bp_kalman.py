@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.kalman import Gaussian, KalmanOptions, estimate, predict, update
+from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.opponents.bp_weights import HIDDEN, HIDDEN_BIAS, OUTPUT, OUTPUT_BIAS
 from binopos_ros.smoothing.options import Options, tuned_options
 
@@ -64,19 +65,19 @@ class BackPropagationKalmanFilter(Filter[_Memory]):
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
         first = self.options.first(position, covariance)
-        return _Memory(first, np.zeros((3, INNOVATIONS)), np.zeros(3))
+        return _Memory(first, np.zeros((*position.shape, INNOVATIONS)), np.zeros_like(position))
 
-    def _advance(self, memory: _Memory, elapsed: float) -> _Memory:
+    def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         density = self.options.acceleration_density
         return memory._replace(gaussian=predict(memory.gaussian, elapsed, density))
 
-    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> tuple[_Memory, str]:
+    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
         noise = self.options.measurement_covariance(covariance)
         inputs, innovations, deviation = features(
             memory.gaussian, memory.innovations, position, noise
         )
         gaussian = update(memory.gaussian, position, noise)
-        return _Memory(gaussian, innovations, self.network(inputs) * deviation), ''
+        return _Memory(gaussian, innovations, self.network(inputs) * deviation)
 
     def _estimate(self, memory: _Memory) -> Estimate:
         plain = estimate(memory.gaussian)
@@ -86,10 +87,11 @@ class BackPropagationKalmanFilter(Filter[_Memory]):
 def features(
     predicted: Gaussian, innovations: Array, position: Array, noise: Array
 ) -> tuple[Array, Array, Array]:
-    """Return the network's inputs (3, k), the shifted innovations and their deviations (3,)."""
-    deviation = np.sqrt(np.diagonal(predicted.covariance)[:3] + np.diagonal(noise))
-    newest = (position - predicted.state[:3]) / deviation
-    innovations = np.column_stack([newest, innovations[:, :-1]])
-    velocity = _VELOCITY_TIME * predicted.state[3:] / deviation
-    inputs = np.clip(np.column_stack([innovations, velocity]), -LARGEST_INPUT, LARGEST_INPUT)
-    return inputs, innovations, deviation
+    """Return the network's inputs (..., 3, k), the shifted innovations, their deviations."""
+    expected = predicted.covariance[..., :3, :3] + noise
+    deviation = np.sqrt(np.diagonal(expected, axis1=-2, axis2=-1))
+    newest = (position - predicted.state[..., :3]) / deviation
+    innovations = np.concatenate([newest[..., None], innovations[..., :-1]], axis=-1)
+    velocity = _VELOCITY_TIME * predicted.state[..., 3:] / deviation
+    inputs = np.concatenate([innovations, velocity[..., None]], axis=-1)
+    return np.clip(inputs, -LARGEST_INPUT, LARGEST_INPUT), innovations, deviation

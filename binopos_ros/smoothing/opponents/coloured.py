@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.kalman import KalmanOptions
-from binopos_ros.smoothing.motion import transition, white_acceleration
+from binopos_ros.smoothing.motion import Seconds, transition, white_acceleration
 from binopos_ros.smoothing.options import Options, option, tuned_options
 from binopos_ros.smoothing.wave import oscillator
 
@@ -49,33 +49,46 @@ class ColouredNoiseFilter(Filter[_Memory]):
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
         coloured = self.options.measurement_covariance(covariance)
-        spread = np.zeros((12, 12))
-        spread[:3, :3] = covariance + coloured
-        spread[3:6, 3:6] = self.options.initial_speed**2 * _EYE3
-        spread[6:9, 6:9] = spread[9:, 9:] = coloured
-        spread[:3, 6:9] = spread[6:9, :3] = -coloured
-        return _Memory(np.concatenate([position, np.zeros(9)]), spread, coloured)
+        batch = position.shape[:-1]
+        spread = np.zeros((*batch, 12, 12))
+        spread[..., :3, :3] = covariance + coloured
+        spread[..., 3:6, 3:6] = self.options.initial_speed**2 * _EYE3
+        spread[..., 6:9, 6:9] = spread[..., 9:, 9:] = coloured
+        spread[..., :3, 6:9] = spread[..., 6:9, :3] = -coloured
+        state = np.concatenate([position, np.zeros((*batch, 9))], axis=-1)
+        return _Memory(state, spread, coloured)
 
-    def _advance(self, memory: _Memory, elapsed: float) -> _Memory:
+    def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         options = self.options
-        phi = np.zeros((12, 12))
-        phi[:6, :6] = transition(elapsed)
-        omega = np.array([2.0 * math.pi * options.frequency])
-        small = oscillator(omega, options.damping, elapsed)[0]
-        phi[6:, 6:] = np.kron(small, _EYE3)
-        noise = np.zeros((12, 12))
-        noise[:6, :6] = white_acceleration(elapsed, options.acceleration_density)
-        noise[6:, 6:] = np.kron(np.eye(2) - small @ small.T, memory.coloured)
-        covariance = phi @ memory.covariance @ phi.T + noise
-        return _Memory(phi @ memory.state, covariance, memory.coloured)
+        batch = memory.state.shape[:-1]
+        phi = np.zeros((*batch, 12, 12))
+        phi[..., :6, :6] = transition(elapsed)
+        small = oscillator(2.0 * math.pi * options.frequency, options.damping, elapsed)
+        phi[..., 6:, 6:] = _blocks(small, _EYE3)
+        # The noise is stationary with its covariance, from which its driving noise follows.
+        noise = np.zeros((*batch, 12, 12))
+        noise[..., :6, :6] = white_acceleration(elapsed, options.acceleration_density)
+        driven = np.eye(2) - small @ small.swapaxes(-1, -2)
+        noise[..., 6:, 6:] = _blocks(driven, memory.coloured)
+        covariance = phi @ memory.covariance @ phi.swapaxes(-1, -2) + noise
+        return _Memory((phi @ memory.state[..., None])[..., 0], covariance, memory.coloured)
 
-    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> tuple[_Memory, str]:
-        cross = memory.covariance[:, :3] + memory.covariance[:, 6:9]
-        gain = cross @ np.linalg.inv(cross[:3] + cross[6:9] + covariance)
-        state = memory.state + gain @ (position - memory.state[:3] - memory.state[6:9])
-        corrected = memory.covariance - gain @ cross.T
+    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
+        cross = memory.covariance[..., :3] + memory.covariance[..., 6:9]
+        gain = cross @ np.linalg.inv(cross[..., :3, :] + cross[..., 6:9, :] + covariance)
+        innovation = position - memory.state[..., :3] - memory.state[..., 6:9]
+        state = memory.state + (gain @ innovation[..., None])[..., 0]
+        corrected = memory.covariance - gain @ cross.swapaxes(-1, -2)
         coloured = self.options.measurement_covariance(covariance)
-        return _Memory(state, 0.5 * (corrected + corrected.T), coloured), ''
+        return _Memory(state, 0.5 * (corrected + corrected.swapaxes(-1, -2)), coloured)
 
     def _estimate(self, memory: _Memory) -> Estimate:
-        return Estimate(memory.state[:3], memory.state[3:6], memory.covariance[:6, :6], 1.0)
+        return Estimate(
+            memory.state[..., :3], memory.state[..., 3:6], memory.covariance[..., :6, :6], 1.0
+        )
+
+
+def _blocks(small: Array, block: Array) -> Array:
+    """Return the Kronecker products (..., 6, 6) of (..., 2, 2) and (..., 3, 3) matrices."""
+    product = small[..., :, None, :, None] * block[..., None, :, None, :]
+    return product.reshape(*product.shape[:-4], 6, 6)

@@ -33,14 +33,14 @@ class HuberKalmanFilter(KalmanFilter):
     options_class: ClassVar[type[Options]] = HuberOptions
     options: HuberOptions
 
-    def _correct(
-        self, memory: Gaussian, position: Array, covariance: Array
-    ) -> tuple[Gaussian, str]:
+    def _correct(self, memory: Gaussian, position: Array, covariance: Array) -> Gaussian:
         root = np.linalg.cholesky(self.options.measurement_covariance(covariance))
         whiten = np.linalg.inv(root)
         corrected = memory
         for _ in range(_ITERATIONS):
-            residual = np.abs(whiten @ (position - corrected.state[:3]))
+            residual = np.abs(whiten @ (position - corrected.state[..., :3])[..., None])[..., 0]
             weight = np.minimum(1.0, self.options.threshold / np.maximum(residual, 1e-12))
-            corrected = update(memory, position, (root / weight) @ root.T)
-        return corrected._replace(certainty=float(weight.min())), ''
+            corrected = update(
+                memory, position, (root / weight[..., None, :]) @ root.swapaxes(-1, -2)
+            )
+        return corrected._replace(certainty=weight.min(axis=-1))

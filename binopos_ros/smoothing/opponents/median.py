@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate, Filter
+from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option, tuned_options
 
 Array = NDArray[np.float64]
@@ -29,9 +30,12 @@ class MedianOptions(Options):
 
 
 class _Memory(NamedTuple):
+    """The last positions (..., window, 3), of which the newest `total` (..., 1) are taken."""
+
     positions: Array
+    total: Array
     covariance: Array
-    age: float
+    age: Array
 
 
 class MovingMedian(Filter[_Memory]):
@@ -42,21 +46,33 @@ class MovingMedian(Filter[_Memory]):
     options: MedianOptions
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
-        return _Memory(position[None], covariance, 0.0)
+        window = np.repeat(position[..., None, :], self.options.window, axis=-2)
+        batch = position.shape[:-1]
+        return _Memory(window, np.ones((*batch, 1), dtype=int), covariance, np.zeros(batch))
 
-    def _advance(self, memory: _Memory, elapsed: float) -> _Memory:
-        return memory._replace(age=elapsed)
+    def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
+        return memory._replace(age=np.asarray(elapsed))
 
-    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> tuple[_Memory, str]:
-        positions = np.concatenate([memory.positions, position[None]])
-        return _Memory(positions[-self.options.window :], covariance, 0.0), ''
+    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
+        window = np.concatenate([memory.positions[..., 1:, :], position[..., None, :]], axis=-2)
+        total = np.minimum(memory.total + 1, self.options.window)
+        return _Memory(window, total, covariance, np.zeros(position.shape[:-1]))
 
     def _estimate(self, memory: _Memory) -> Estimate:
-        middle = np.median(memory.positions, axis=0)
-        spread = _DEVIATION * np.median(np.abs(memory.positions - middle), axis=0)
-        covariance = _SPEED_VARIANCE * np.eye(6)
-        covariance[:3, :3] = memory.covariance + np.diag(
-            0.5 * math.pi * spread * spread / len(memory.positions)
-            + _SPEED_VARIANCE * memory.age**2
-        )
-        return Estimate(middle, np.zeros(3), covariance, 1.0)
+        middle = _median(memory.positions, memory.total)
+        apart = np.abs(memory.positions - middle[..., None, :])
+        spread = _DEVIATION * _median(apart, memory.total)
+        variance = 0.5 * math.pi * spread * spread / memory.total
+        variance = variance + _SPEED_VARIANCE * memory.age[..., None] ** 2
+        covariance = np.zeros((*middle.shape[:-1], 6, 6))
+        covariance[..., :3, :3] = memory.covariance + variance[..., None] * np.eye(3)
+        covariance[..., 3:, 3:] = _SPEED_VARIANCE * np.eye(3)
+        return Estimate(middle, np.zeros_like(middle), covariance, 1.0)
+
+
+def _median(values: Array, total: Array) -> Array:
+    """Return the medians (..., 3) of the newest `total` (..., 1) rows of values (..., n, 3)."""
+    old = np.arange(values.shape[-2]) < values.shape[-2] - total
+    ordered = np.sort(np.where(old[..., None], np.inf, values), axis=-2)
+    middle = np.stack([(total - 1) // 2, total // 2], axis=-2)
+    return np.take_along_axis(ordered, np.repeat(middle, 3, axis=-1), axis=-2).mean(axis=-2)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.kalman import MeasurementOptions
-from binopos_ros.smoothing.motion import transition, white_acceleration
+from binopos_ros.smoothing.motion import Seconds, transition, white_acceleration
 from binopos_ros.smoothing.options import Options, option, tuned_options
 
 Array = NDArray[np.float64]
@@ -53,46 +53,50 @@ class MultipleModelsFilter(Filter[_Memory]):
     def _start(self, position: Array, covariance: Array) -> _Memory:
         first = self.options.first(position, covariance)
         return _Memory(
-            np.tile(first.state, (_MODELS, 1)),
-            np.tile(first.covariance, (_MODELS, 1, 1)),
-            np.full(_MODELS, 1.0 / _MODELS),
+            np.repeat(first.state[..., None, :], _MODELS, axis=-2),
+            np.repeat(first.covariance[..., None, :, :], _MODELS, axis=-3),
+            np.full((*position.shape[:-1], _MODELS), 1.0 / _MODELS),
         )
 
-    def _advance(self, memory: _Memory, elapsed: float) -> _Memory:
+    def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         options = self.options
-        stay = np.exp(-elapsed / options.dwell)
-        switch = (1.0 - stay) / (_MODELS - 1) * np.ones((_MODELS, _MODELS))
-        np.fill_diagonal(switch, stay)
-        weights = memory.weights @ switch
-        mixing = switch * memory.weights[:, None] / weights
-        states = mixing.T @ memory.states
-        apart = memory.states[:, None] - states[None]
-        spread = memory.covariances[:, None] + apart[..., :, None] * apart[..., None, :]
-        covariances = np.einsum('ij,ijab->jab', mixing, spread)
+        stay = np.exp(-np.asarray(elapsed) / options.dwell)[..., None, None]
+        switch = np.where(np.eye(_MODELS) > 0, stay, (1.0 - stay) / (_MODELS - 1))
+        joint = memory.weights[..., :, None] * switch
+        weights = joint.sum(axis=-2)
+        mixing = joint / weights[..., None, :]
+        states = mixing.swapaxes(-1, -2) @ memory.states
+        apart = memory.states[..., :, None, :] - states[..., None, :, :]
+        spread = memory.covariances[..., :, None, :, :] + (
+            apart[..., :, None] * apart[..., None, :]
+        )
+        covariances = np.sum(mixing[..., None, None] * spread, axis=-4)
         psi = transition(elapsed)
+        back = psi.swapaxes(-1, -2)
         densities = (options.low_density, options.middle_density, options.high_density)
-        noise = np.stack([white_acceleration(elapsed, density) for density in densities])
-        return _Memory(states @ psi.T, psi @ covariances @ psi.T + noise, weights)
+        noise = np.stack([white_acceleration(elapsed, density) for density in densities], axis=-3)
+        moved = psi[..., None, :, :] @ covariances @ back[..., None, :, :]
+        return _Memory(states @ back, moved + noise, weights)
 
-    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> tuple[_Memory, str]:
+    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
         noise = self.options.measurement_covariance(covariance)
-        innovation = position - memory.states[:, :3]
-        cross = memory.covariances[:, :, :3]
-        expected = cross[:, :3] + noise
+        innovation = (position[..., None, :] - memory.states[..., :3])[..., None]
+        cross = memory.covariances[..., :3]
+        expected = cross[..., :3, :] + noise[..., None, :, :]
         inverse = np.linalg.inv(expected)
-        solved = (inverse @ innovation[:, :, None])[:, :, 0]
         gain = cross @ inverse
-        states = memory.states + (gain @ innovation[:, :, None])[:, :, 0]
-        covariances = memory.covariances - gain @ cross.transpose(0, 2, 1)
-        covariances = 0.5 * (covariances + covariances.transpose(0, 2, 1))
-        logarithm = -0.5 * np.sum(innovation * solved, axis=1)
+        states = memory.states + (gain @ innovation)[..., 0]
+        covariances = memory.covariances - gain @ cross.swapaxes(-1, -2)
+        covariances = 0.5 * (covariances + covariances.swapaxes(-1, -2))
+        logarithm = -0.5 * np.sum(innovation * (inverse @ innovation), axis=(-2, -1))
         logarithm -= 0.5 * np.log(np.linalg.det(expected))
-        weights = memory.weights * np.exp(logarithm - logarithm.max()) + 1e-12
-        return _Memory(states, covariances, weights / weights.sum()), ''
+        logarithm -= logarithm.max(axis=-1, keepdims=True)
+        weights = memory.weights * np.exp(logarithm) + 1e-12
+        return _Memory(states, covariances, weights / weights.sum(axis=-1, keepdims=True))
 
     def _estimate(self, memory: _Memory) -> Estimate:
-        state = memory.weights @ memory.states
-        apart = memory.states - state
-        covariance = np.tensordot(memory.weights, memory.covariances, 1)
-        covariance += (apart * memory.weights[:, None]).T @ apart
-        return Estimate(state[:3], state[3:], covariance, 1.0)
+        state = np.sum(memory.weights[..., None] * memory.states, axis=-2)
+        apart = memory.states - state[..., None, :]
+        spread = memory.covariances + apart[..., :, None] * apart[..., None, :]
+        covariance = np.sum(memory.weights[..., None, None] * spread, axis=-3)
+        return Estimate(state[..., :3], state[..., 3:], covariance, 1.0)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.kalman import Gaussian, MeasurementOptions, estimate, update
+from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option, tuned_options
 
 Array = NDArray[np.float64]
@@ -37,15 +38,14 @@ class RandomWalkKalmanFilter(Filter[Gaussian]):
     def _start(self, position: Array, covariance: Array) -> Gaussian:
         return self.options.first(position, covariance)
 
-    def _advance(self, memory: Gaussian, elapsed: float) -> Gaussian:
-        grown = memory.covariance + elapsed * self.options.walk_density * _POSITION
+    def _advance(self, memory: Gaussian, elapsed: Seconds) -> Gaussian:
+        growth = self.options.walk_density * np.asarray(elapsed)[..., None, None]
+        grown = memory.covariance + growth * _POSITION
         return memory._replace(covariance=grown)
 
-    def _correct(
-        self, memory: Gaussian, position: Array, covariance: Array
-    ) -> tuple[Gaussian, str]:
+    def _correct(self, memory: Gaussian, position: Array, covariance: Array) -> Gaussian:
         noise = self.options.measurement_covariance(covariance)
-        return update(memory, position, noise), ''
+        return update(memory, position, noise)
 
     def _estimate(self, memory: Gaussian) -> Estimate:
         return estimate(memory)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate
-from binopos_ros.smoothing.kalman import Gaussian, KalmanFilter, KalmanOptions, update
+from binopos_ros.smoothing.kalman import Gaussian, KalmanFilter, KalmanOptions, estimate, update
 from binopos_ros.smoothing.options import Options, option, tuned_options
 
 Array = NDArray[np.float64]
@@ -33,19 +33,17 @@ class StudentTFilter(KalmanFilter):
     options_class: ClassVar[type[Options]] = StudentTOptions
     options: StudentTOptions
 
-    def _correct(
-        self, memory: Gaussian, position: Array, covariance: Array
-    ) -> tuple[Gaussian, str]:
+    def _correct(self, memory: Gaussian, position: Array, covariance: Array) -> Gaussian:
         noise = self.options.measurement_covariance(covariance)
-        innovation = position - memory.state[:3]
-        squared = float(
-            innovation @ np.linalg.solve(memory.covariance[:3, :3] + noise, innovation)
-        )
+        innovation = (position - memory.state[..., :3])[..., None]
+        solved = np.linalg.solve(memory.covariance[..., :3, :3] + noise, innovation)
+        squared = np.sum(innovation * solved, axis=(-2, -1))
         freedom = self.options.freedom
         growth = (freedom + squared) / (freedom + 3.0)
         corrected = update(memory, position, noise)
-        return Gaussian(corrected.state, growth * corrected.covariance, 1.0 / max(growth, 1.0)), ''
+        grown = growth[..., None, None] * corrected.covariance
+        return Gaussian(corrected.state, grown, 1.0 / np.maximum(growth, 1.0))
 
     def _estimate(self, memory: Gaussian) -> Estimate:
         spread = self.options.freedom / (self.options.freedom - 2.0) * memory.covariance
-        return Estimate(memory.state[:3], memory.state[3:], spread, memory.certainty)
+        return estimate(memory._replace(covariance=spread))

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.kalman import Gaussian, KalmanOptions, estimate, predict, update
+from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option, tuned_options
 
 Array = NDArray[np.float64]
+_EYE3 = np.eye(3)
 _ITERATIONS = 3
 
 
@@ -29,7 +31,7 @@ class VariationalBayesOptions(KalmanOptions):
 
 class _Memory(NamedTuple):
     gaussian: Gaussian
-    shape: float
+    shape: Array
     scale: Array
 
 
@@ -42,23 +44,24 @@ class VariationalBayesFilter(Filter[_Memory]):
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
         first = self.options.first(position, covariance)
-        return _Memory(first, 1.0, np.diagonal(first.covariance)[:3].copy())
+        scale = np.diagonal(first.covariance, axis1=-2, axis2=-1)[..., :3]
+        return _Memory(first, np.ones((*position.shape[:-1], 1)), scale)
 
-    def _advance(self, memory: _Memory, elapsed: float) -> _Memory:
+    def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         density = self.options.acceleration_density
         return memory._replace(gaussian=predict(memory.gaussian, elapsed, density))
 
-    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> tuple[_Memory, str]:
+    def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
         shape = self.options.spreading * memory.shape + 0.5
         prior_scale = self.options.spreading * memory.scale
         scale = prior_scale + 0.5 * memory.scale / memory.shape
         for _ in range(_ITERATIONS):
-            gaussian = update(memory.gaussian, position, np.diag(scale / shape))
-            residual = position - gaussian.state[:3]
+            gaussian = update(memory.gaussian, position, (scale / shape)[..., None] * _EYE3)
+            residual = position - gaussian.state[..., :3]
             scale = prior_scale + 0.5 * (
-                residual * residual + np.diagonal(gaussian.covariance)[:3]
+                residual * residual + np.diagonal(gaussian.covariance, axis1=-2, axis2=-1)[..., :3]
             )
-        return _Memory(gaussian, shape, scale), ''
+        return _Memory(gaussian, shape, scale)
 
     def _estimate(self, memory: _Memory) -> Estimate:
         return estimate(memory.gaussian)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Sequence as Series
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,57 @@ class Track:
         error = self.errors[SETTLING:]
         solved = np.linalg.solve(self.covariances[SETTLING:], error[:, :, None])[:, :, 0]
         return np.sum(error * solved, axis=1) / 3.0
+
+
+def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]:
+    """Run a filter over sequences of equal length in lock-step: for tuning.
+
+    The same as :func:`run` on each, but for the shell's starting afresh after a long gap or a run
+    of refused positions, and much faster.
+    """
+    stamps = np.stack([trial.stamps for trial in trials])
+    positions = np.stack([trial.positions for trial in trials])
+    covariances = np.stack([trial.covariances for trial in trials])
+    truth = np.stack([trial.truth for trial in trials])
+    options = smoother.options
+    memory = smoother._start(positions[:, 0], covariances[:, 0])
+    estimates, spreads = np.empty_like(positions), np.empty_like(covariances)
+    at = stamps[:, 0]
+    began = time.perf_counter()
+    for number in range(stamps.shape[1]):
+        if number > 0:
+            elapsed = stamps[:, number] - at
+            measured = np.isfinite(positions[:, number, 0])
+            position = np.where(measured[:, None], positions[:, number], 0.0)
+            covariance = np.where(measured[:, None, None], covariances[:, number], np.eye(3))
+            ahead = smoother._advance(memory, elapsed)
+            foretold = smoother._estimate(ahead)
+            distance = np.linalg.norm(position - foretold.position, axis=1)
+            used = measured & (distance <= options.max_jump + options.max_speed * elapsed)
+            corrected = smoother._correct(ahead, position, covariance)
+            # As in the shell, a frame without a usable position leaves the memory as it was.
+            memory = _select(used, corrected, memory)
+            at = np.where(used, stamps[:, number], at)
+            said = _select(used, smoother._estimate(corrected), foretold)
+        else:
+            said = smoother._estimate(memory)
+        estimates[:, number] = said.position
+        spreads[:, number] = said.covariance[:, :3, :3]
+    seconds = (time.perf_counter() - began) / stamps.size
+    return [
+        Track(error, spread, seconds)
+        for error, spread in zip(estimates - truth, spreads, strict=True)
+    ]
+
+
+def _select(used: NDArray[np.bool_], new: Any, old: Any) -> Any:
+    """Return `new` where used, else `old`: arrays with a leading batch, or tuples of such."""
+    if isinstance(new, tuple):
+        return type(new)(*(_select(used, *pair) for pair in zip(new, old, strict=True)))
+    new, old = np.asarray(new), np.asarray(old)
+    if new.ndim == 0:
+        return new
+    return np.where(used.reshape(-1, *([1] * (new.ndim - 1))), new, old)
 
 
 def run(smoother: Filter[Any], sequence: Sequence) -> Track:

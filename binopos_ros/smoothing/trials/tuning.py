@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.smoothing.factory import make_filter
-from binopos_ros.smoothing.trials.score import run
+from binopos_ros.smoothing.trials.score import run_together
 from binopos_ros.smoothing.trials.sequences import Sequence
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ _KALMAN = {**_MEASUREMENT, 'acceleration_density': (1e-6, 1.0)}
 SEARCHED: dict[str, dict[str, tuple[float, float]]] = {
     'kalman': _KALMAN,
     'kalman-random-walk': {**_MEASUREMENT, 'walk_density': (1e-7, 1e-2)},
-    'sage-husa': {**_KALMAN, 'forgetting': (0.8, 0.9999)},
+    'sage-husa': {**_KALMAN, 'forgetting': (0.8, 0.9999), 'divergence': (1.2, 10.0)},
     'huber': {**_KALMAN, 'threshold': (0.2, 5.0)},
     'student-t': {**_KALMAN, 'freedom': (2.2, 30.0)},
     'variational-bayes': {**_KALMAN, 'spreading': (0.8, 0.9999)},
@@ -39,18 +39,33 @@ SEARCHED: dict[str, dict[str, tuple[float, float]]] = {
     },
     'coloured-noise': {**_KALMAN, 'frequency': (1.0, 6.0), 'damping': (0.05, 0.9)},
     'median': {'window': (3, 60)},
+    'cloud-kalman': {
+        'window': (15.0, 150.0),
+        'still_density': (1e-12, 1e-7),
+        'steady_density': (1e-8, 1e-4),
+        'turn_acceleration': (0.05, 1.0),
+        'turn_time': (0.1, 3.0),
+        'start_speed': (0.003, 0.1),
+        'still_dwell': (1.0, 60.0),
+        'steady_dwell': (1.0, 60.0),
+        'turn_dwell': (0.2, 5.0),
+        'wave_std': (5e-4, 8e-3),
+        'wave_frequency': (2.0, 6.0),
+        'wave_damping': (0.08, 0.7),
+        'certainty_width': (1.2, 6.0),
+    },
     'cloud-kalman-paper': {**_KALMAN, 'window': (5, 300)},
 }
 
 
 def objective(filter_name: str, options: dict[str, float], trials: Series[Sequence]) -> float:
-    """Return what tuning makes small: the mean of the logarithms of mean and of median-like RMS.
+    """Return what tuning makes small, about the logarithm of an RMS in metres.
 
     Half the logarithm of the mean RMS, which large errors rule, and half the mean logarithm of the
     RMS, in which every sequence counts alike.
     """
     smoother = make_filter(filter_name, **options)
-    rms = np.array([run(smoother, trial).rms for trial in trials])
+    rms = np.array([track.rms for track in run_together(smoother, trials)])
     if not np.all(np.isfinite(rms)):
         return math.inf
     return float(0.5 * np.log(rms.mean()) + 0.5 * np.log(rms).mean())

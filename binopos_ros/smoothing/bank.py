@@ -1,0 +1,245 @@
+"""A bank of Kalman filters under three hypotheses of the target's motion, and the waves' share.
+
+Per axis the state is (p, v, a, s, u): position, velocity and acceleration of the target, and the
+waves' oscillator (see :mod:`binopos_ros.smoothing.wave`) of which u adds to what is measured. The
+axes are independent of each other given the hypothesis; the weights of the hypotheses are common.
+
+still    p wanders very slowly, v = a = 0
+steady   v wanders slowly, a = 0
+turning  a is a Gauss-Markov process (Singer, "Estimating optimal tracking filter performance for
+         manned maneuvering targets", IEEE TAES 6(4), 1970)
+
+The hypotheses interact as in Blom & Bar-Shalom 1988 (see opponents/multiple_models.py), with one
+addition: a target that leaves a hypothesis without velocity or acceleration may have any that is
+usual, so the variance of the new component enters with the share that comes from there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from binopos_ros.smoothing.motion import Seconds
+
+Array = NDArray[np.float64]
+
+STILL, STEADY, TURNING = range(3)
+MODELS = 3
+SIZE = 5
+P, V, A, S, U = range(SIZE)
+_FLAT = 3 * SIZE * SIZE
+#: Added to every weight, so that no hypothesis is ever ruled out for good.
+_LEAST_WEIGHT = 1e-12
+_ORDERS = np.arange(1, 6)
+_EYE2 = np.eye(2)
+
+
+class Hypotheses(NamedTuple):
+    """The bank's memory; M = MODELS, n = SIZE.
+
+    Attributes
+    ----------
+    states : (..., M, 3, n) array
+        Per hypothesis and axis.
+    covariances : (..., M, 3, n, n) array
+        Of these.
+    weights : (..., M) array
+        Probabilities of the hypotheses.
+
+    """
+
+    states: Array
+    covariances: Array
+    weights: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """What the hypotheses assume; see the options of the cloud-Kalman filter for the units."""
+
+    still_density: float
+    steady_density: float
+    turn_acceleration: float
+    turn_time: float
+    start_speed: float
+    dwells: tuple[float, float, float]
+    wave_frequency: float
+    wave_damping: float
+
+
+class Bank:
+    """The arithmetic of the bank: precomputed bases, so that a step is a few small products.
+
+    Transitions and process noises are sums of constant matrices times functions of the elapsed
+    time; the sums are matrix products with the bases below.
+    """
+
+    def __init__(self, motion: Motion) -> None:
+        self._motion = motion
+        self._transition_basis = _transition_basis(motion)
+        self._noise_basis = _noise_basis(motion)
+        self._entry = _entry(motion)
+        self._stay = np.eye(MODELS)
+        self._leave = (1.0 - self._stay) / (MODELS - 1)
+        omega = 2.0 * math.pi * motion.wave_frequency
+        spin = complex(-motion.wave_damping, _damped(motion)) * omega
+        rates = [-1.0 / dwell for dwell in motion.dwells]
+        self._exponents = np.array([-1.0 / motion.turn_time, spin, *rates])
+
+    def start(self, position: Array, variance: Array, wave: Array) -> Hypotheses:
+        """Return the bank after a first position (..., 3) along the axes.
+
+        `variance` (..., 3) is the measurement's own and `wave` (..., 3) the waves', m^2.
+        """
+        batch = position.shape[:-1]
+        states = np.zeros((*batch, MODELS, 3, SIZE))
+        states[..., P] = position[..., None, :]
+        covariances = np.zeros((*batch, MODELS, 3, SIZE, SIZE))
+        wave = wave[..., None, :]
+        covariances[..., P, P] = variance[..., None, :] + wave
+        covariances[..., S, S] = covariances[..., U, U] = wave
+        covariances[..., P, U] = covariances[..., U, P] = -wave
+        covariances[..., STEADY:, :, V, V] = self._motion.start_speed**2
+        covariances[..., TURNING, :, A, A] = self._motion.turn_acceleration**2
+        return Hypotheses(states, covariances, np.full((*batch, MODELS), 1.0 / MODELS))
+
+    def advance(self, bank: Hypotheses, wave: Array, elapsed: Seconds) -> Hypotheses:
+        """Return the bank `elapsed` seconds later, with waves of variance `wave` (..., 3), m^2."""
+        time = np.asarray(elapsed)[..., None]
+        exponentials = np.exp(time * self._exponents)
+        states, covariances, weights = self._interact(bank, exponentials[..., 2:].real)
+        batch = weights.shape[:-1]
+        factors = np.empty((*batch, 5))
+        factors[..., 0] = 1.0
+        factors[..., 1:2] = time
+        factors[..., 2:4] = exponentials[..., :2].real
+        factors[..., 4] = exponentials[..., 1].imag
+        shape = (*batch, MODELS, 1, SIZE, SIZE)
+        psi = (factors @ self._transition_basis).reshape(shape)
+        noise = (time**_ORDERS @ self._noise_basis).reshape(shape)
+        moved = psi @ covariances @ psi.swapaxes(-1, -2) + noise
+        # The waves are stationary, so what drives them is what the transition lets go of.
+        spin = psi[..., STILL, :, S:, S:]
+        driving = _EYE2 - spin @ spin.swapaxes(-1, -2)
+        moved[..., S:, S:] += (wave[..., None, None] * driving)[..., None, :, :, :]
+        return Hypotheses((psi @ states[..., None])[..., 0], moved, weights)
+
+    def _interact(self, bank: Hypotheses, stay: Array) -> Hypotheses:
+        """Return the bank mixed, where hypothesis m stays with the probability `stay` (..., m)."""
+        batch = bank.weights.shape[:-1]
+        stay = stay[..., None]
+        joint = bank.weights[..., None] * (stay * self._stay + (1.0 - stay) * self._leave)
+        weights = joint.sum(axis=-2)
+        mixing = (joint / weights[..., None, :]).swapaxes(-1, -2)
+        # About the first hypothesis' state, so that squares of positions do not swamp variances.
+        origin = bank.states[..., :1, :, :]
+        apart = bank.states - origin
+        moments = bank.covariances + apart[..., :, None] * apart[..., None, :]
+        moments += self._entry
+        mixed = mixing @ moments.reshape(*batch, MODELS, _FLAT)
+        mean = (mixing @ apart.reshape(*batch, MODELS, 3 * SIZE)).reshape(apart.shape)
+        covariances = mixed.reshape(moments.shape)
+        covariances -= mean[..., :, None] * mean[..., None, :]
+        return Hypotheses(mean + origin, covariances, weights)
+
+
+def innovations(bank: Hypotheses, position: Array, variance: Array) -> tuple[Array, Array, Array]:
+    """Return innovations (..., M, 3), their variances, and covariances with the state.
+
+    `position` and `variance` (..., 3) are the measurement's along the axes.
+    """
+    states, covariances = bank.states, bank.covariances
+    innovation = position[..., None, :] - states[..., P] - states[..., U]
+    cross = covariances[..., P] + covariances[..., U]
+    return innovation, cross[..., P] + cross[..., U] + variance[..., None, :], cross
+
+
+def update(
+    bank: Hypotheses, innovation: Array, expected: Array, cross: Array, certainty: Array
+) -> Hypotheses:
+    """Return the bank after a measurement whose weight is the `certainty` (..., 1).
+
+    A certainty below 1 stands for an innovation variance that much larger.
+    """
+    scaled = innovation / expected
+    gain = cross * (certainty[..., None] / expected)[..., None]
+    states = bank.states + gain * innovation[..., None]
+    covariances = bank.covariances - gain[..., :, None] * cross[..., None, :]
+    fit = certainty[..., None] * innovation * scaled + np.log(expected)
+    # The certainty bounds what it multiplies, so the best hypothesis never underflows.
+    weights = bank.weights * np.exp(-0.5 * fit.sum(axis=-1))
+    weights = weights / weights.sum(axis=-1, keepdims=True) + _LEAST_WEIGHT
+    return Hypotheses(states, covariances, weights)
+
+
+def mean_position(bank: Hypotheses) -> Array:
+    """Return the position (..., 3) along the axes, over all hypotheses."""
+    return (bank.weights[..., None, :] @ bank.states[..., P])[..., 0, :]
+
+
+def moments(bank: Hypotheses) -> tuple[Array, Array]:
+    """Return mean (..., 3, 2) and covariance (..., 3, 2, 2) of p and v, over all hypotheses."""
+    weights = bank.weights[..., None, None]
+    states = bank.states[..., :A]
+    mean = (weights * states).sum(axis=-3)
+    apart = states - mean[..., None, :, :]
+    spread = bank.covariances[..., :A, :A] + apart[..., :, None] * apart[..., None, :]
+    return mean, (weights[..., None] * spread).sum(axis=-4)
+
+
+def _damped(motion: Motion) -> float:
+    return math.sqrt(1.0 - motion.wave_damping**2)
+
+
+def _transition_basis(motion: Motion) -> Array:
+    """Return the basis (5, M n n) of the transitions.
+
+    For 1, t, exp(-t / turn_time), and real and imaginary part of exp((-zeta + i damped) omega t).
+    """
+    tau = motion.turn_time
+    basis = np.zeros((5, MODELS, SIZE, SIZE))
+    one, time, fading, cosine, sine = basis
+    one[:, P, P] = 1.0
+    one[STEADY:, V, V] = time[STEADY:, P, V] = 1.0
+    # Singer: v += tau (1 - e) a; p += tau (t - tau (1 - e)) a.
+    one[TURNING, V, A], fading[TURNING, V, A] = tau, -tau
+    one[TURNING, P, A], time[TURNING, P, A], fading[TURNING, P, A] = -tau * tau, tau, tau * tau
+    fading[TURNING, A, A] = 1.0
+    # The oscillator of wave.py, taken apart into decayed cosine and sine.
+    cosine[:, S, S] = cosine[:, U, U] = 1.0
+    unit = 1.0 / _damped(motion)
+    sine[:, S, S], sine[:, U, U] = motion.wave_damping * unit, -motion.wave_damping * unit
+    sine[:, S, U], sine[:, U, S] = unit, -unit
+    return basis.reshape(5, -1)
+
+
+def _noise_basis(motion: Motion) -> Array:
+    """Return the basis (5, M n n) of the motions' noises, for t, t^2, ... t^5."""
+    basis = np.zeros((5, MODELS, SIZE, SIZE))
+    basis[0, STILL, P, P] = motion.still_density
+    # White acceleration of a density, and white jerk that keeps the acceleration's variance.
+    for model, density, chain in (
+        (STEADY, motion.steady_density, (V, P)),
+        (TURNING, 2.0 * motion.turn_acceleration**2 / motion.turn_time, (A, V, P)),
+    ):
+        for low, row in enumerate(chain):
+            for high, column in enumerate(chain):
+                order = low + high
+                divisor = math.factorial(low) * math.factorial(high) * (order + 1)
+                basis[order, model, row, column] = density / divisor
+    return basis.reshape(5, -1)
+
+
+def _entry(motion: Motion) -> Array:
+    """Return the variances (M, 1, n, n) of the components that a hypothesis lacks.
+
+    They reach only the hypotheses that have the component: the others' transitions drop it.
+    """
+    entry = np.zeros((MODELS, 1, SIZE, SIZE))
+    entry[STILL, :, V, V] = motion.start_speed**2
+    entry[:TURNING, :, A, A] = motion.turn_acceleration**2
+    return entry
