@@ -24,9 +24,9 @@ from numpy.typing import ArrayLike, NDArray
 from binopos_ros.optics import StereoRig
 from binopos_ros.optics.arithmetic import FLOATS, NoRayError
 from binopos_ros.triangulation.errors import TriangulationError
-from binopos_ros.triangulation.likelihood import Pair, Whitening, fit_point, whitening
+from binopos_ros.triangulation.likelihood import Pair, Whitening, colour, fit_point, whitening
 from binopos_ros.triangulation.meeting import dot
-from binopos_ros.triangulation.triangulate import NOT_FINITE
+from binopos_ros.triangulation.result import NOT_FINITE
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,7 @@ class Evidence:
         covariance: (3,3) of the point at that index, m^2.
         by_index: (3,) change of the point with the index, m.
         by_shared: (3,k) change of the point with the considered parameters.
+        residuals: (4,) observed minus predicted, px: left u, v, right u, v.
     """
 
     at: float
@@ -67,6 +68,7 @@ class Evidence:
     covariance: Array
     by_index: Array
     by_shared: Array
+    residuals: Array
 
 
 def gather_evidence(
@@ -143,6 +145,9 @@ def gather_evidence(
         covariance=covariance,
         by_index=np.array(fit.by_index),
         by_shared=by_shared,
+        residuals=np.array(
+            [*colour(fit.residual[:2], whiten_left), *colour(fit.residual[2:], whiten_right)]
+        ),
     )
 
 
@@ -175,4 +180,5 @@ def _covariance(values: ArrayLike | None, what: str) -> list[float]:
 def _no_point(index: float, reason: str, count: int) -> Evidence:
     nowhere, unknown = np.full(3, math.nan), np.full((3, 3), math.nan)
     clue = Clue(0.0, 0.0, np.zeros(count))
-    return Evidence(index, reason, clue, nowhere, unknown, nowhere, np.zeros((3, count)))
+    shared, nothing = np.zeros((3, count)), np.full(4, math.nan)
+    return Evidence(index, reason, clue, nowhere, unknown, nowhere, shared, nothing)

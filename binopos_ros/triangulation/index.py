@@ -60,6 +60,7 @@ class IndexState:
         point: (3,) the target in the rig frame at `mean`, m; nan where there is none.
         covariance: (3,3) of the point, m^2, with the uncertainty of the index and of all that is
             considered.
+        residuals: (4,) px, observed minus predicted, left u, v then right u, v.
     """
 
     mean: float
@@ -70,6 +71,7 @@ class IndexState:
     reason: str
     point: Array
     covariance: Array
+    residuals: Array
 
 
 @dataclass(frozen=True)
@@ -311,6 +313,7 @@ class IndexEstimator:
                 + correlated.T
                 + by_shared @ self._considered[:count, :count] @ by_shared.T
             ),
+            residuals=evidence.residuals,
         )
 
 

@@ -16,19 +16,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from binopos_ros.optics.arithmetic import ARRAYS
 from binopos_ros.triangulation.errors import TriangulationError
+from binopos_ros.triangulation.meeting import PARALLEL, PARALLEL_SINE, midpoint
+from binopos_ros.triangulation.straight import BEHIND, NO_RAY
 
 if TYPE_CHECKING:
     from binopos_ros.optics import FlatInterface, StereoRig
 
 Array = NDArray[np.float64]
 
-# Sine of the angle between two lines below which rounding alone decides where they cross.
-_PARALLEL_SINE = 1e-9
-
-_NOT_A_PIXEL = 'pixel is not finite'
-_PARALLEL = 'rays are parallel'
-_BEHIND = 'rays meet behind the cameras'
 _NOT_BELOW = 'target is not beyond the interface'
 _TOTAL_REFLECTION = 'total reflection'
 _ONE_PLANE = 'index not observable: target in the plane of both centres and the normal'
@@ -140,11 +137,11 @@ def frame_index(
         difference = left_ratio - right_ratio
         squared = (left_run**2 - right_run**2) / difference
 
-    same_plane = np.abs(twist) <= _PARALLEL_SINE * left_sine * right_sine
-    equally_far = np.abs(difference) <= _PARALLEL_SINE * (left_ratio + right_ratio)
+    same_plane = np.abs(twist) <= PARALLEL_SINE * left_sine * right_sine
+    equally_far = np.abs(difference) <= PARALLEL_SINE * (left_ratio + right_ratio)
     largest = np.maximum(left_sine, right_sine) * index
     _give(reasons, same_plane, _ONE_PLANE)
-    _give(reasons, (left_lateral < 0) | (right_lateral < 0), _BEHIND)
+    _give(reasons, (left_lateral < 0) | (right_lateral < 0), BEHIND)
     _give(reasons, (left_run <= 0) | (right_run <= 0), _NOT_BELOW)
     _give(reasons, equally_far, _EQUALLY_FAR)
     _give(reasons, ~(squared > np.maximum(largest, 1.0) ** 2), _NO_INDEX)
@@ -170,19 +167,16 @@ def _virtual_points(rays: _Rays) -> tuple[Array, NDArray[np.str_]]:
     The paper's single scale holds for parallel cameras only; one scale per ray holds always, and
     is the same there.
     """
-    cosine = np.einsum('ij,ij->i', rays.left, rays.right)
-    along_left, along_right = rays.left @ rays.right_centre, rays.right @ rays.right_centre
-    squared_sine = np.sum(np.cross(rays.left, rays.right) ** 2, axis=1)
+    (ux, uy, uz), (vx, vy, vz) = rays.left.T, rays.right.T
+    x, y, z = rays.right_centre.tolist()
     with np.errstate(divide='ignore', invalid='ignore'):
-        left_scale = (along_left - cosine * along_right) / squared_sine
-        right_scale = (cosine * along_left - along_right) / squared_sine
-    on_left = left_scale[:, None] * rays.left
-    on_right = rays.right_centre + right_scale[:, None] * rays.right
-    points = 0.5 * (on_left + on_right)
-    reasons = _blank_reasons(cosine)
-    _give(reasons, np.isnan(cosine), _NOT_A_PIXEL)
-    _give(reasons, squared_sine <= _PARALLEL_SINE**2, _PARALLEL)
-    _give(reasons, ~((left_scale > 0) & (right_scale > 0)), _BEHIND)
+        left, right = ((0.0, 0.0, 0.0), (ux, uy, uz)), ((x, y, z), (vx, vy, vz))
+        middle, scales = midpoint(left, right, ARRAYS)
+    points = np.stack(middle, axis=-1)
+    reasons = _blank_reasons(points)
+    _give(reasons, np.isnan(ux + vx), NO_RAY)
+    _give(reasons, np.isnan(scales[0]), PARALLEL)
+    _give(reasons, ~((scales[0] > 0) & (scales[1] > 0)), BEHIND)
     points[reasons != ''] = np.nan
     return points, reasons
 

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.triangulation.errors import TriangulationError
+from binopos_ros.triangulation.meeting import PARALLEL
 from binopos_ros.triangulation.paper import frame_index, triangulate_paper
+from binopos_ros.triangulation.straight import BEHIND, NO_RAY
 
 CAMERA = PinholeCamera(
     [[900.0, 0.0, 639.5], [0.0, 905.0, 479.5], [0.0, 0.0, 1.0]],
@@ -87,9 +89,9 @@ def test_a_target_on_the_left_cameras_own_normal_is_found():
 @pytest.mark.parametrize(
     ('left', 'right', 'reason'),
     [
-        ((np.nan, 479.5), (500, 479.5), 'pixel is not finite'),
-        ((639.5, 479.5), (639.5, 479.5), 'rays are parallel'),
-        ((500.0, 479.5), (600.0, 479.5), 'rays meet behind the cameras'),
+        ((np.nan, 479.5), (500, 479.5), NO_RAY),
+        ((639.5, 479.5), (639.5, 479.5), PARALLEL),
+        ((500.0, 479.5), (600.0, 479.5), BEHIND),
         ((700.0, 479.5), (200.0, 479.5), 'target is not beyond the interface'),
     ],
 )
