@@ -20,7 +20,7 @@ from binopos_ros.bag.qos import INFINITE_NS, Qos
 from binopos_ros.bag.recording import RecorderOptions, Recording
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.interfaces import installed_class
-from binopos_ros.nodes.shell import StageNode, run
+from binopos_ros.nodes.shell import RCLError, StageNode, run
 
 #: The suite's topics, relative to the node's namespace.
 SUITE = (
@@ -64,7 +64,7 @@ class RecorderNode(StageNode):
         self._lost: dict[str, int] = {}
         self._recording = Recording(settings)
         self._diagnostics = StageDiagnostics(self, settings.bag, self._details)
-        self.create_timer(DISCOVERY, self._discover)
+        self.create_timer(DISCOVERY, self._look)
         self.get_logger().info(f'recording to {settings.bag}')
 
     def destroy_node(self) -> None:
@@ -82,8 +82,20 @@ class RecorderNode(StageNode):
             f'{len(self._recorded)} topics recorded, {lost} lost'
         )
 
+    def _look(self) -> None:
+        if self._recording.failure:
+            self._diagnostics.error = self._recording.failure
+            self._diagnostics.publish()
+            self.context.try_shutdown()
+            return
+        try:
+            self._discover()
+        except RCLError:
+            # A signal ends the context in the middle of this.
+            if self.context.ok():
+                raise
+
     def _discover(self) -> None:
-        self._heed_failure()
         for topic, types in self.get_topic_names_and_types():
             if topic in self._seen or not (self._settings.all or topic in self._wanted):
                 continue
@@ -134,12 +146,6 @@ class RecorderNode(StageNode):
             self._diagnostics.drop('lost on the way', info.total_count_change)
 
         return lose
-
-    def _heed_failure(self) -> None:
-        if self._recording.failure:
-            self._diagnostics.error = self._recording.failure
-            self._diagnostics.publish()
-            self.context.try_shutdown()
 
     def _details(self) -> dict[str, object]:
         return {
