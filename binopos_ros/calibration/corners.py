@@ -21,6 +21,11 @@ WINDOW_PER_SPACING = 0.3  # with 0.35 a neighbour is reached in strongly tilted 
 SMALLEST_WINDOW = 2
 LARGEST_WINDOW = 7
 REFINEMENT_TOLERANCE = 0.001  # px
+#: Equalising the grey values helps in the dark, and hides boards on a white wall.
+CHESSBOARD_SEARCHES = (
+    cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK,
+    cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_FAST_CHECK,
+)
 COARSE_WIDTH = 1000  # px; a board that fills a usable part of the picture is found at this width
 
 
@@ -115,15 +120,13 @@ def _find_chessboard(grey: np.ndarray, board: Board) -> np.ndarray | None:
         if factor > 1.0:
             size = (round(grey.shape[1] / factor), round(grey.shape[0] / factor))
             image = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-        flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-        found, corners = cv2.findChessboardCorners(
-            image, board.shape, flags=flags | cv2.CALIB_CB_FAST_CHECK
-        )
-        if not found:
-            # Slower, but finds boards in blur and uneven light; also where FAST_CHECK errs.
-            found, corners = cv2.findChessboardCornersSB(
-                image, board.shape, flags=cv2.CALIB_CB_NORMALIZE_IMAGE
-            )
+        for flags in CHESSBOARD_SEARCHES:
+            found, corners = cv2.findChessboardCorners(image, board.shape, flags=flags)
+            if found:
+                break
+        else:
+            # Slower, but finds boards in blur and noise.
+            found, corners = cv2.findChessboardCornersSB(image, board.shape)
         if found:
             ratio = np.array([grey.shape[1] / image.shape[1], grey.shape[0] / image.shape[0]])
             return (corners.reshape(-1, 2) + 0.5) * ratio - 0.5

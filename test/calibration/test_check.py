@@ -1,0 +1,96 @@
+"""The check of every day: turned cameras are found and measured, waves and noise are not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from binopos_ros.calibration.check import DailyCheck, check
+from binopos_ros.calibration.errors import CalibrationError
+from binopos_ros.calibration.state import exponential
+from binopos_ros.calibration.targets import Blob, TargetPair
+from binopos_ros.optics import StereoRig
+
+PIXEL = 0.01 * np.eye(2)
+
+
+def operation(
+    rig: StereoRig,
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    count: int = 400,
+    wave: float = 0.0,
+) -> list[TargetPair]:
+    """A target on its way as the rig sees it whose right camera has turned by `turn` (rad)."""
+    rng = np.random.default_rng(3)
+    turned = exponential(np.array(turn))
+    actual = StereoRig(
+        rig.left, rig.right, turned @ rig.rotation, turned @ rig.translation, rig.interface
+    )
+    t = np.linspace(0.0, 20.0, count)
+    depth = rig.interface.distance + 0.2 + 0.05 * np.sin(2.0 * t)
+    points = np.column_stack([0.115 + 0.15 * np.sin(t), 0.1 * np.cos(0.7 * t), depth])
+    shaken = wave * np.sin(25.0 * t + 1.0)
+    pairs = []
+    for i, (left, right) in enumerate(zip(*actual.project(points), strict=True)):
+        noise = rng.normal(scale=0.1, size=(2, 2))
+        noise[1, 1] += shaken[i]
+        pairs.append(
+            TargetPair(i, Blob(left + noise[0], PIXEL, 30.0), Blob(right + noise[1], PIXEL, 30.0))
+        )
+    return pairs
+
+
+@pytest.fixture(scope='module')
+def rig(rig_maker: Any) -> StereoRig:
+    return rig_maker('surface', np.random.default_rng(3))[0]
+
+
+def verdict(rig: StereoRig, *turn: float, **options: Any) -> DailyCheck:
+    return check(rig, operation(rig, (turn[0], turn[1], turn[2]), **options))
+
+
+def test_an_unmoved_rig_holds(rig: StereoRig) -> None:
+    result = verdict(rig, 0.0, 0.0, 0.0)
+    assert result.holds
+    assert abs(result.mean) < 3.5 * result.deviation
+    assert result.scatter == pytest.approx(0.1, rel=0.1)
+    assert 0.05e-3 < result.skew < 0.25e-3
+
+
+@pytest.mark.parametrize('pitch', [0.0005, -0.002])
+def test_pitch_is_found_and_measured(rig: StereoRig, pitch: float) -> None:
+    result = verdict(rig, pitch, 0.0, 0.0)
+    assert not result.holds
+    assert result.pitch[0] == pytest.approx(pitch, abs=4.0 * result.pitch[1])
+    assert 'no longer holds' in result.text
+    assert 'binopos calibrate stereo' in result.text
+
+
+def test_roll_is_found_and_measured(rig: StereoRig) -> None:
+    result = verdict(rig, 0.0, 0.0, 0.006)
+    assert not result.holds
+    assert result.roll[0] == pytest.approx(0.006, rel=0.2)
+
+
+def test_waves_widen_the_scatter_but_raise_no_alarm(rig: StereoRig) -> None:
+    result = verdict(rig, 0.0, 0.0, 0.0, wave=1.0)
+    assert result.holds
+    assert result.scatter > 0.4
+
+
+def test_few_pairs_are_refused(rig: StereoRig) -> None:
+    with pytest.raises(CalibrationError, match='record a longer piece'):
+        check(rig, operation(rig)[:10])
+
+
+def test_pictures_of_different_things_do_not_count(rig: StereoRig) -> None:
+    pairs = operation(rig)
+    foreign = [
+        TargetPair(p.stamp, p.left, Blob(p.right.centre + np.array([0, 40]), PIXEL, 30.0))
+        for p in pairs
+    ]
+    assert check(rig, pairs + foreign[:100]).pairs == len(pairs)
+    with pytest.raises(CalibrationError):
+        check(rig, foreign)
