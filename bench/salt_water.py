@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.column import mean_index
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.evidence import gather_evidence
@@ -68,11 +69,12 @@ def experiments(random: np.random.Generator) -> list[Experiment]:
     """In the order in which salt is added: the mean index rises."""
     done = []
     for mean in np.sort(random.uniform(FRESH, BRINE, EXPERIMENTS)):
-        thicknesses = np.full(LAYERS - 1, DEPTH / LAYERS)
-        target = place(random)
-        exact = np.concatenate(washbowl(salted(mean, random), thicknesses).project(target))
+        target, indices = place(random), salted(mean, random)
+        thicknesses = np.full(LAYERS, DEPTH / LAYERS)
+        exact = np.concatenate(washbowl(indices, thicknesses[1:]).project(target))
         noise = PIXEL_STD * random.standard_normal((PAIRS, 4))
-        done.append(Experiment(mean, target, exact, exact + noise))
+        index = mean_index(indices.tolist(), thicknesses.tolist())
+        done.append(Experiment(index, target, exact, exact + noise))
     return done
 
 
