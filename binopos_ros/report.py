@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
 from dataclasses import dataclass, field
 
@@ -14,30 +15,37 @@ from binopos_ros.reasons import kind_of
 MILLI = 1e3
 
 
-@dataclass
 class Track:
-    """Stamped positions: nanoseconds and (3,) m."""
+    """Stamped positions, nanoseconds and (3,) m, kept in 32 bytes each."""
 
-    stamps: list[int] = field(default_factory=list)
-    points: list[NDArray[np.float64]] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.stamps = array('q')
+        self._coordinates = array('d')
 
     def add(self, stamp: int, point: NDArray[np.float64]) -> None:
         """Append one position."""
         self.stamps.append(stamp)
-        self.points.append(np.asarray(point, dtype=float))
+        self._coordinates.extend(point)
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """(N, 3) m."""
+        return np.array(self._coordinates).reshape(-1, 3)
 
     def errors(self, truth: Track) -> NDArray[np.float64]:
         """(N, 3) m: these positions minus the truth at their stamps, where the truth is known."""
         if not self.stamps or not truth.stamps:
             return np.empty((0, 3))
-        order = np.argsort(truth.stamps)
-        origin = truth.stamps[int(order[0])]
-        known = np.array([truth.stamps[k] - origin for k in order], dtype=float)
-        places = np.array([truth.points[k] for k in order])
-        stamps = np.array([stamp - origin for stamp in self.stamps], dtype=float)
+        known = np.array(truth.stamps)
+        order = np.argsort(known)
+        # Stamps since 1970 have more digits than a float.
+        origin = known[order[0]]
+        stamps = (np.array(self.stamps) - origin).astype(float)
+        known = (known[order] - origin).astype(float)
         inside = (stamps >= known[0]) & (stamps <= known[-1])
+        places = truth.points[order]
         expected = np.column_stack([np.interp(stamps, known, places[:, k]) for k in range(3)])
-        errors: NDArray[np.float64] = (np.array(self.points) - expected)[inside]
+        errors: NDArray[np.float64] = (self.points - expected)[inside]
         return errors
 
 
@@ -46,7 +54,7 @@ class Report:
     """The table that `replay` and `process` end with."""
 
     drops: Counter[str] = field(default_factory=Counter)
-    latencies: list[float] = field(default_factory=list)
+    latencies: array[float] = field(default_factory=lambda: array('d'))
     raw: Track = field(default_factory=Track)
     filtered: Track = field(default_factory=Track)
     truth: Track = field(default_factory=Track)
