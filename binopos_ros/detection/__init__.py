@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .detector import Detector, detect
+from .disc import DiscOptions, estimate_normal, outline_offsets, to_disc_centres
 from .errors import DetectionError
 from .images import ENCODINGS, JPEG_DECODER, Frame, JpegImage, RawImage, decode
 from .options import DetectorOptions
@@ -16,6 +17,7 @@ __all__ = [
     'DetectionError',
     'Detector',
     'DetectorOptions',
+    'DiscOptions',
     'Ellipse',
     'Frame',
     'JpegImage',
@@ -23,4 +25,7 @@ __all__ = [
     'Target',
     'decode',
     'detect',
+    'estimate_normal',
+    'outline_offsets',
+    'to_disc_centres',
 ]

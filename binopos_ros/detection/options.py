@@ -39,7 +39,7 @@ class DetectorOptions:
         1000.0, 'Largest major axis of the outline of a target', 'px', (3.0, 4000.0)
     )
     min_axis_ratio: float = _option(
-        0.25,
+        0.2,
         'Smallest ratio of minor to major axis: a disc tilted by t shows about cos(t)',
         '',
         (0.05, 1.0),
