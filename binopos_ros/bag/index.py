@@ -13,6 +13,7 @@ import io
 import logging
 import os
 import struct
+import zlib
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,6 +42,8 @@ MAGIC = b'\x89MCAP0\r\n'
 _LOOSE_SPAN_BYTES = 1 << 20
 _RECORD_LIMIT = 4 << 30
 _CHUNK_HEAD = struct.Struct('<QQQII')  # start, end, size, crc, length of the compression's name
+_FOOTER = struct.Struct('<BQQQI')  # head, start of the summary and of its offsets, checksum
+_CRC_BYTES = 4
 _MESSAGE_INDEX_HEAD = struct.Struct('<HI')  # channel, bytes of its entries
 _MESSAGE_TIMES = struct.Struct('<HIQ')  # channel, sequence, log time
 
@@ -102,10 +105,12 @@ def index_file(path: Path, *, name: str | None = None) -> FileIndex:
                 'give a bag in MCAP format, or convert it with `ros2 bag convert`'
             )
             raise BagError(message)
-        summary = _read_summary(stream, size)
+        stream.seek(-min(size, len(MAGIC)), os.SEEK_END)
+        has_footer = stream.read() == MAGIC and size > len(MAGIC)
+        summary = _read_summary(stream, size) if has_footer else None
         if summary is not None:
             return _from_summary(path, summary)
-        return _Scan(path, stream, size).run()
+        return _Scan(path, stream, size, has_footer=has_footer).run()
 
 
 def read_span(path: Path, span: Span) -> list[RawMessage]:
@@ -140,13 +145,11 @@ def _chunk_records(data: bytes, *, torn: bool) -> bytes:
 
 def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
     """The summary, or None where it is missing, torn or too poor to read by."""
-    if size < 2 * len(MAGIC):
-        return None
-    stream.seek(size - len(MAGIC))
-    if stream.read() != MAGIC:
-        return None
     stream.seek(0)
     try:
+        if not _summary_is_intact(stream, size):
+            return None
+        stream.seek(0)
         summary = SeekingReader(stream, record_size_limit=size).get_summary()
     except (McapError, struct.error, ValueError, OSError, OverflowError):
         return None
@@ -168,6 +171,16 @@ def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
         )
     )
     return summary if complete else None
+
+
+def _summary_is_intact(stream: BinaryIO, size: int) -> bool:
+    stream.seek(size - len(MAGIC) - _FOOTER.size)
+    opcode, length, start, _, crc = _FOOTER.unpack(stream.read(_FOOTER.size))
+    if opcode != Opcode.FOOTER or length != _FOOTER.size - RECORD_HEAD.size or start > size:
+        return False
+    stream.seek(start)
+    content = stream.read(size - len(MAGIC) - start)[:-_CRC_BYTES]
+    return crc in (0, zlib.crc32(content))
 
 
 def _from_summary(path: Path, summary: Summary) -> FileIndex:
@@ -193,9 +206,15 @@ def _span_of(index: ChunkIndex) -> Span:
 
 
 class _Scan:
-    """A walk over the records of a file without a usable summary."""
+    """A walk over the records of a file without a usable summary.
 
-    def __init__(self, path: Path, stream: BinaryIO, size: int) -> None:
+    `has_footer`: the file ends as a whole one does. If its summary is damaged, then a writer was
+    killed while it replaced the summary by a chunk, and what follows that chunk's beginning may
+    be the old summary.
+    """
+
+    def __init__(self, path: Path, stream: BinaryIO, size: int, *, has_footer: bool) -> None:
+        self.has_footer = has_footer
         self.index = FileIndex(path)
         self.stream = stream
         self.size = size
@@ -215,7 +234,7 @@ class _Scan:
             opcode, length = RECORD_HEAD.unpack(head)
             end = position + RECORD_HEAD.size + length
             if opcode == 0 or end > self.size:
-                if opcode == Opcode.CHUNK:
+                if opcode == Opcode.CHUNK and not self.has_footer:
                     self._torn_chunk(position)
                 break
             try:

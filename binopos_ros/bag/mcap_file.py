@@ -275,12 +275,16 @@ class McapFile:
         before = self._written
         self._written = after
         try:
+            if not self._always_whole:
+                # The summary that followed a full disk may be longer than what replaces it.
+                os.ftruncate(self._descriptor, before.end)
             self._write(before.end, block + (self._summary() if self._always_whole else b''))
         except OSError as error:
             self._written = before
             del self._chunk_indexes[before.index_end :]
             # The old summary fitted before, so it fits again.
             with contextlib.suppress(OSError):
+                os.ftruncate(self._descriptor, before.end)
                 self._write(before.end, self._summary())
             self._whole = True
             lost = after.messages - before.messages
@@ -294,8 +298,7 @@ class McapFile:
         self._whole = self._always_whole
 
     def _write(self, offset: int, data: bytes) -> None:
-        # Cut first: an old footer behind half a chunk would mislead readers.
-        os.ftruncate(self._descriptor, offset)
+        # In one call: between two, a recorder that is killed would leave a file without summary.
         view = memoryview(data)
         while view:
             count = os.pwrite(self._descriptor, view, offset)

@@ -225,6 +225,39 @@ def test_a_crash_safe_bag_is_whole_after_every_flush(tmp_path: Path) -> None:
     writer.close()
 
 
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    flushes=st.integers(1, 6),
+    size=st.integers(1, 300),
+    compression=st.sampled_from(COMPRESSIONS),
+    cut=st.floats(0.0, 1.0),
+)
+def test_a_writer_killed_in_the_middle_of_a_flush_costs_only_that_flush(
+    tmp_path: Path, flushes: int, size: int, compression: str, cut: float
+) -> None:
+    path = tmp_path / f'bag{len(list(tmp_path.iterdir()))}.mcap'
+    writer = BagWriter(path, crash_safe=True, compression=compression)
+    writer.add_topic('/a', STRING)
+    expected = []
+    for number in range(5 * flushes):
+        expected.append((number, '/a', np.random.default_rng(number).bytes(size)))
+        writer.write('/a', number, expected[-1][2])
+        if number % 5 == 4 and number != 5 * flushes - 1:
+            writer.flush()
+    before = path.read_bytes()
+    writer.flush()
+    after = path.read_bytes()
+    writer.close()
+    # What a write that is broken off leaves: its beginning, then the bytes of before.
+    reached = int(cut * len(after))
+    path.write_bytes(after[:reached] + before[reached:])
+    found = read(path)
+    assert found == expected[: len(found)]
+    assert len(found) >= 5 * (flushes - 1)
+
+
 def test_types_of_the_user_are_written_with_their_definition(tmp_path: Path) -> None:
     path = tmp_path / 'bag'
     definition = Definition('ros2msg', 'float64 depth\nstd_msgs/String name\n' + '=' * 80 +
