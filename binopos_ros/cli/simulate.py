@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from binopos_ros.simulation.presets import PRESETS, Choices
+from binopos_ros.calibration.board import CHESSBOARD, KINDS, Board, parse_size
+from binopos_ros.simulation.presets import PRESETS, Choices, in_air, with_board
 from binopos_ros.simulation.recording import record
 from binopos_ros.simulation.target import PATHS
 
@@ -18,6 +19,8 @@ examples:
   binopos simulate -o rough --waves 0.001 --still   a still target under waves of 1 mm
   binopos simulate -o brine --salt 1.37             salt at the bottom of the bowl
   binopos simulate -o robot --preset ports          a robot's cameras behind glass ports
+  binopos simulate -o dry --board 9x6 --air --pairs 40 --rate 2    boards for calibrate stereo
+  binopos simulate -o wet --board 9x6 --pairs 15 --rate 2          ... and calibrate interface
 
 The bag's folder also holds binopos.yaml (what the cameras look through), left.yaml and right.yaml
 (their calibration), so that `binopos process BAG -o OUT.mcap` needs nothing else. The true
@@ -82,6 +85,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='salt gradient: refractive index at the bottom, 1.333 .. 1.38, rising steadily from '
         '1.333 at the surface (default: fresh water)',
     )
+    water.add_argument(
+        '--air', action='store_true', help='nothing between cameras and target, for calibration'
+    )
     target = parser.add_argument_group('target')
     motion = target.add_mutually_exclusive_group()
     motion.add_argument(
@@ -98,6 +104,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     target.add_argument(
         '--distractors', type=int, metavar='N', help='coloured things that are not the target'
+    )
+    boards = parser.add_argument_group('calibration boards')
+    boards.add_argument(
+        '--board',
+        metavar='COLSxROWS',
+        help='show a calibration board instead of the disc, elsewhere in every pair: 9x6 inner '
+        'corners of a chessboard, squares of a ChArUco board, circles of a grid',
+    )
+    boards.add_argument(
+        '--board-kind',
+        choices=KINDS,
+        default=CHESSBOARD,
+        help='what is printed (default: chessboard)',
+    )
+    boards.add_argument(
+        '--square',
+        type=float,
+        default=0.02,
+        metavar='M',
+        help='side of a square in m (default: 0.02)',
+    )
+    boards.add_argument(
+        '--marker',
+        type=float,
+        metavar='M',
+        help='side of a ChArUco marker in m (default: 3/4 square)',
+    )
+    boards.add_argument(
+        '--dictionary', default='DICT_4X4_50', metavar='NAME', help='of a ChArUco board'
     )
     camera = parser.add_argument_group('camera')
     camera.add_argument(
@@ -130,6 +165,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     preset = PRESETS[arguments.preset]
     pairs = preset.pairs if arguments.pairs is None else arguments.pairs
+    board = _board(arguments)
     scene = preset.make(
         Choices(
             seed=arguments.seed,
@@ -147,6 +183,10 @@ def main(arguments: argparse.Namespace) -> int:
             rate=arguments.rate,
         )
     )
+    if arguments.air:
+        scene = in_air(scene, arguments.seed)
+    if board:
+        scene = with_board(scene, board, pairs, arguments.seed)
     bar = _progress_bar(pairs)
     record(
         scene,
@@ -163,6 +203,16 @@ def main(arguments: argparse.Namespace) -> int:
         f'{_size(arguments.output)}; the truth is on /stereo/truth/pose'
     )
     return 0
+
+
+def _board(arguments: argparse.Namespace) -> Board | None:
+    if arguments.board is None:
+        return None
+    columns, rows = parse_size(arguments.board)
+    marker = 0.75 * arguments.square if arguments.marker is None else arguments.marker
+    return Board(
+        arguments.board_kind, columns, rows, arguments.square, marker, arguments.dictionary
+    )
 
 
 def _progress_bar(pairs: int) -> Any:

@@ -64,6 +64,12 @@ class Basin:
         """(N,) path of the light through the water to points, m: straight down."""
         return np.maximum(dot(points, self.surface.normal) - self.surface.distance, 0)
 
+    def holds(self, points: Array) -> bool:
+        """Whether (N, 3) points all lie in the water of the bowl."""
+        depth = dot(points, self.surface.normal) - self.surface.distance
+        away = np.hypot(*self.plane_coordinates(points).T)
+        return bool(np.all((depth > 0) & (depth < self.depth) & (away < self.radius)))
+
     def floor_hits(self, rays: Rays) -> Array:
         """(N, 2) where rays meet the plane of the floor, from the bowl's axis."""
         normal = self.surface.normal
@@ -143,6 +149,10 @@ class OpenWater:
     def light_lengths(self, points: Array, lengths: Array) -> Array:
         """(N,) path of the light through the water to points, m: lamps by the cameras."""
         return lengths
+
+    def holds(self, points: Array) -> bool:
+        """Whether (N, 3) points all lie above the bed."""
+        return bool(np.all(dot(points, self.bed_normal) < self.bed_distance))
 
     def radiance(self, origin: Array, directions: Array, rays: Rays) -> Array:
         """(N, 3) colours of rays that entered the water as `rays`."""

@@ -108,6 +108,21 @@ def refract(directions: Array, normals: Array, ratio: float) -> Array:
     return ratio * directions + along[:, None] * normals
 
 
+def meet_plane(rays: Rays, point: Array, normal: Array) -> tuple[Array, Array]:
+    """Where rays in the last medium meet a plane.
+
+    Returns:
+        (N, 3) the places from the plane's point, m, and (N,) the way there, m: 0 where a ray never
+        arrives.
+    """
+    offset = rays.origins - point
+    towards = dot(rays.directions, normal)
+    valid = np.isfinite(towards) & (np.abs(towards) > 1e-9)
+    steps = np.where(valid, -dot(offset, normal) / np.where(valid, towards, 1), 0.0)
+    hits = offset + steps[:, None] * np.where(valid[:, None], rays.directions, 0)
+    return hits, np.maximum(steps, 0)
+
+
 def _meet(
     boundary: Boundary, points: Array, directions: Array, time: ArrayLike
 ) -> tuple[Array, Array]:

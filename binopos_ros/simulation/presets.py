@@ -9,8 +9,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.calibration.board import Board
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.simulation.backdrop import Basin, OpenWater, mottled, strew
+from binopos_ros.simulation.boards import scatter
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.medium import Boundary, plane_axes
 from binopos_ros.simulation.scene import Scene
@@ -88,7 +90,7 @@ def _chosen(value: T | None, preset: T) -> T:
     return preset if value is None else value
 
 
-TEXTURES, WAVES, PICTURES = range(3)
+TEXTURES, WAVES, BOARDS = range(3)
 
 
 def salt_gradient(
@@ -159,7 +161,7 @@ def washbowl(choices: Choices = Choices(), half_size: bool = False) -> Scene:  #
         water=water,
         backdrop=basin,
         path=path,
-        disc=Disc(_chosen(choices.diameter, 0.06 if half_size else 0.05)),
+        target=Disc(_chosen(choices.diameter, 0.06 if half_size else 0.05)),
         sensor=_sensor(choices, Sensor(noise=1.0, quality=70) if half_size else Sensor()),
         waves=waves,
         rate=_chosen(choices.rate, 30.0),
@@ -226,7 +228,7 @@ def ports(choices: Choices = Choices()) -> Scene:  # noqa: B008
         water=water,
         backdrop=OpenWater(down, 0.75, bed, water),
         path=path,
-        disc=Disc(_chosen(choices.diameter, 0.08)),
+        target=Disc(_chosen(choices.diameter, 0.08)),
         sensor=_sensor(choices, Sensor(exposure=2.3, blur=0.7)),
         rate=_chosen(choices.rate, 30.0),
     )
@@ -235,6 +237,36 @@ def ports(choices: Choices = Choices()) -> Scene:  # noqa: B008
 def demo(choices: Choices = Choices()) -> Scene:  # noqa: B008
     """The washbowl in small pictures."""
     return washbowl(choices, half_size=True)
+
+
+def in_air(scene: Scene, seed: int) -> Scene:
+    """The same cameras before a wall two metres away, with nothing in between."""
+    rig = StereoRig(scene.rig.left, scene.rig.right, scene.rig.rotation, scene.rig.translation)
+    clear = Water(absorption=(0.0, 0.0, 0.0), scattering=0.0, veil=(0.0, 0.0, 0.0))
+    wall = mottled(np.random.default_rng([seed, TEXTURES]), 1024, (0.40, 0.42, 0.44), 0.10)
+    return dataclasses.replace(
+        scene,
+        rig=rig,
+        water=clear,
+        backdrop=OpenWater(np.array([0.0, 0.0, 1.0]), 2.0, wall, clear),
+        waves=None,
+    )
+
+
+def with_board(scene: Scene, board: Board, count: int, seed: int) -> Scene:
+    """The scene with a calibration board, at another place and tilt in each of `count` pairs.
+
+    Raises:
+        SimulationError: the board does not fit into both pictures.
+    """
+    if isinstance(scene.backdrop, Basin):
+        top = scene.backdrop.surface.distance
+        reach = (top + 0.05, top + scene.backdrop.depth - 0.05)
+    else:
+        reach = (0.4, 1.0)
+    rng = np.random.default_rng([seed, BOARDS])
+    shown = scatter(board, scene.views, scene.backdrop, count, reach, scene.rate, rng)
+    return dataclasses.replace(scene, path=shown, target=shown)
 
 
 @dataclasses.dataclass(frozen=True)

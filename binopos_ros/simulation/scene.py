@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.optics import StereoRig
 from binopos_ros.simulation.backdrop import Backdrop
+from binopos_ros.simulation.boards import ShownBoard
 from binopos_ros.simulation.errors import SimulationError
+from binopos_ros.simulation.medium import Rays
 from binopos_ros.simulation.sensor import Sensor
 from binopos_ros.simulation.target import Disc, Path
 from binopos_ros.simulation.view import View, views_of
@@ -28,7 +30,7 @@ class Scene:
         rig: the two cameras and what they look through, as numbers; its projection is never used.
         water: what the target's medium does to colours.
         backdrop: what lies behind the target.
-        disc, path: the target and its way.
+        path, target: where it is, and what.
         sensor: of both cameras.
         waves: on the rig's shared surface; None where it is calm.
         rate: pairs per second.
@@ -38,7 +40,7 @@ class Scene:
     water: Water
     backdrop: Backdrop
     path: Path
-    disc: Disc = dataclasses.field(default_factory=Disc)
+    target: Disc | ShownBoard = dataclasses.field(default_factory=Disc)
     sensor: Sensor = dataclasses.field(default_factory=Sensor)
     waves: WaveField | None = None
     rate: float = 30.0
@@ -73,3 +75,11 @@ class Scene:
         places = self.path.poses(times)[0] if points is None else np.asarray(points, float)
         left, right = self.views
         return left.apparent(places, times), right.apparent(places, times)
+
+    def through_water(
+        self, rays: Rays, steps: Array, chosen: NDArray[np.bool_]
+    ) -> tuple[Array, Array]:
+        """Factor and veil, each (N, 3), on what chosen rays show after so many metres."""
+        points = rays.origins[chosen] + steps[chosen, None] * rays.directions[chosen]
+        lengths = rays.lengths[chosen] + steps[chosen]
+        return self.water.transmission(lengths, self.backdrop.light_lengths(points, lengths))

@@ -12,8 +12,8 @@ from mcap.reader import make_reader
 
 from binopos_ros.bag import BagError, BagReader, messages
 from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
-from binopos_ros.simulation import PRESETS, Choices, SimulationError, record
-from binopos_ros.simulation.recording import START_NS, camera_infos
+from binopos_ros.simulation import PRESETS, Choices, Renderer, SimulationError, record
+from binopos_ros.simulation.recording import START_NS, camera_infos, parameter_file
 from binopos_ros.simulation.sensor import Sensor
 
 PAIRS = 4
@@ -114,7 +114,7 @@ def test_camera_info_gives_the_rig_back(bag: Path) -> None:
             assert messages.read_camera_info_message(reader.decode(item), side) == info
 
 
-def test_the_parameter_file_holds_the_interface(bag: Path, tmp_path: Path) -> None:
+def test_the_parameter_file_holds_the_interface(bag: Path) -> None:
     parameters = yaml.safe_load((bag / 'binopos.yaml').read_text())
     interface = PRESETS['demo'].make(Choices()).rig.interface
     block = parameters['/**/triangulator']['ros__parameters']['interface']
@@ -123,8 +123,7 @@ def test_the_parameter_file_holds_the_interface(bag: Path, tmp_path: Path) -> No
         'distance': 0.8,
         'indices': [1.0, 1.333],
     }
-    record(PRESETS['ports'].make(Choices(noise=0.0)), tmp_path / 'ports', 1)
-    parameters = yaml.safe_load((tmp_path / 'ports' / 'binopos.yaml').read_text())
+    parameters = yaml.safe_load(parameter_file(PRESETS['ports'].make(Choices()).rig))
     block = parameters['/**/triangulator']['ros__parameters']
     assert set(block) == {'left_port', 'right_port'}
     assert block['right_port']['thicknesses'] == [0.01]
@@ -144,16 +143,11 @@ def test_a_single_file_has_its_companions_beside_it(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('encoding', ['bgr8', 'rgb8', 'yuv422_yuy2', 'bayer_rggb8'])
 def test_raw_pictures_decode_to_the_same_scene(encoding: str, tmp_path: Path) -> None:
-    record(
-        PRESETS['demo'].make(Choices(encoding=encoding, noise=0.0)), tmp_path / 'raw', 1, threads=2
-    )
-    record(PRESETS['demo'].make(Choices(encoding='bgr8', noise=0.0)), tmp_path / 'bgr', 1)
-    pictures = []
-    for name in ('raw', 'bgr'):
-        with BagReader(tmp_path / name) as reader:
-            item = next(iter(reader.messages(['/stereo/left/image_raw'])))
-            pictures.append(reader.decode(item))
-    message = pictures[0]
+    scene = PRESETS['demo'].make(Choices(encoding=encoding))
+    plain = Renderer(scene, 0).picture(0.0, np.random.Generator(np.random.SFC64([7, 0, 0])))
+    record(scene, tmp_path / 'raw', 1, seed=7)
+    with BagReader(tmp_path / 'raw') as reader:
+        message = reader.decode(next(iter(reader.messages(['/stereo/left/image_raw']))))
     assert (message.width, message.height, message.encoding) == (640, 480, encoding)
     data = np.asarray(message.data).reshape(480, message.step)
     decoded = {
@@ -163,10 +157,9 @@ def test_raw_pictures_decode_to_the_same_scene(encoding: str, tmp_path: Path) ->
         # OpenCV names a mosaic by its second row and column: RGGB is its BG.
         'bayer_rggb8': lambda: cv2.cvtColor(data, cv2.COLOR_BayerBG2BGR),
     }[encoding]()
-    plain = np.asarray(pictures[1].data).reshape(480, 640, 3)
     difference = np.abs(decoded.astype(int) - plain.astype(int))
-    limit = 0 if encoding in ('bgr8', 'rgb8') else 3
-    assert np.percentile(difference, 95) <= limit
+    # Chroma is shared by two pixels, a mosaic keeps one colour of three.
+    assert difference.mean() <= (0 if encoding in ('bgr8', 'rgb8') else 2)
 
 
 def test_noise_has_the_stated_deviation() -> None:

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from binopos_ros.optics import PinholeCamera, StereoRig
 from binopos_ros.simulation.backdrop import OpenWater
+from binopos_ros.simulation.disc_painter import half_plane_coverage
 from binopos_ros.simulation.presets import Choices, ports, washbowl
-from binopos_ros.simulation.render import NODE_SPACING, Renderer, half_plane_coverage, interpolate
+from binopos_ros.simulation.raster import NODE_SPACING, interpolate
+from binopos_ros.simulation.render import Renderer
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.sensor import Sensor
 from binopos_ros.simulation.target import Disc, HarmonicPath
@@ -32,7 +34,7 @@ def lit_disc(scene: Scene, diameter: float, position: Array, normal: Array, blur
         scene,
         water=CLEAR,
         backdrop=DARKNESS,
-        disc=Disc(diameter, WHITE),
+        target=Disc(diameter, WHITE),
         path=HarmonicPath(position, normal / np.linalg.norm(normal)),
         sensor=Sensor(exposure=1.0, blur=blur),
     )
@@ -54,7 +56,7 @@ def outline_integral(scene: Scene, side: int, time: float) -> tuple[Array, float
     first /= np.linalg.norm(first)
     second = np.cross(normals[0], first)
     angle = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
-    rim = positions[0] + scene.disc.diameter / 2 * (
+    rim = positions[0] + scene.target.diameter / 2 * (
         np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
     )
     outline = scene.views[side].apparent(rim, time)
@@ -132,7 +134,7 @@ def test_the_truth_is_where_the_picture_shows_the_disc() -> None:
     scene = washbowl(half_size=True)
     even = np.full((8, 8, 3), 0.5, np.float32)
     scene = dataclasses.replace(scene, backdrop=dataclasses.replace(scene.backdrop, floor=even))
-    bare = dataclasses.replace(scene, disc=Disc(1e-6))
+    bare = dataclasses.replace(scene, target=Disc(1e-6))
     for side in range(2):
         with_disc = Renderer(scene, side).light(0.5).astype(float)
         without = Renderer(bare, side).light(0.5).astype(float)
@@ -203,7 +205,7 @@ def test_a_disc_out_of_sight_leaves_the_background() -> None:
     away = dataclasses.replace(
         scene, path=HarmonicPath(np.array([3.0, 0, 1.25]), np.array([0, 0, -1.0]))
     )
-    bare = dataclasses.replace(scene, disc=Disc(1e-6))
+    bare = dataclasses.replace(scene, target=Disc(1e-6))
     np.testing.assert_array_equal(Renderer(away, 0).light(0), Renderer(bare, 0).light(0))
 
 
