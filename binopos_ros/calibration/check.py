@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from binopos_ros.calibration.covariance import ParameterCovariance
+from binopos_ros.calibration.epipolar import epipolar_residuals
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.projection import project
-from binopos_ros.calibration.state import LEFT, RIGHT, RigState
+from binopos_ros.calibration.state import RIGHT, RigState
 from binopos_ros.calibration.targets import TargetPair
 from binopos_ros.optics import StereoRig
 from binopos_ros.triangulation import triangulate
@@ -80,14 +80,7 @@ def check(
         )
     points, residuals = found.points[good], found.residuals[good]
     state = RigState.of(rig)
-    left, right = (project(state, side, points) for side in (LEFT, RIGHT))
-    by_point = np.concatenate([left.by_point, right.by_point], axis=1)
-    by_rig = np.concatenate([left.by_rig, right.by_rig], axis=1)
-    # What a position cannot absorb: the direction perpendicular to its three columns.
-    across = np.linalg.svd(by_point)[0][:, :, 3]
-    across *= np.sign(across[:, 1:2])
-    residual = np.einsum('nk,nk->n', across, residuals)
-    response = np.einsum('nk,nkp->np', across, by_rig)
+    residual, response = epipolar_residuals(state, points, residuals)
 
     mean, scatter = float(residual.mean()), float(residual.std(ddof=1))
     blocks = np.array([block.mean() for block in np.array_split(residual, BLOCKS)])

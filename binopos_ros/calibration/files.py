@@ -125,7 +125,7 @@ def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Pat
             )
             lines += [f'      thicknesses: {_numbers(interface.thicknesses)}  # m, +- {spread}']
     path = folder / INTERFACE_FILE
-    _write(path, '\n'.join(lines) + '\n')
+    write_text(path, '\n'.join(lines) + '\n')
     covariance = folder / COVARIANCE_FILE
     write_covariance(covariance, calibration.state, calibration.covariance)
     return [path, covariance]
@@ -158,7 +158,8 @@ def _make_folder(folder: Path) -> None:
         raise CalibrationError(msg) from None
 
 
-def _write(path: Path, text: str) -> None:
+def write_text(path: Path, text: str) -> None:
+    """Write a file, or say in one line why not."""
     try:
         path.write_text(text, encoding='utf-8')
     except OSError as error:

@@ -23,6 +23,7 @@ from binopos_ros.calibration.files import (
 from binopos_ros.calibration.gather import find_boards, name_other_board
 from binopos_ros.calibration.interface import calibrate_interface
 from binopos_ros.calibration.priors import guesses_from, parse_numbers
+from binopos_ros.calibration.report import interface_report, stereo_report
 from binopos_ros.calibration.sources import Pictures, folder_pair, open_pictures
 from binopos_ros.calibration.state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.calibration.stereo import MOST_VIEWS, calibrate_stereo
@@ -130,6 +131,7 @@ def _stereo(arguments: argparse.Namespace) -> int:
     print(summarise_stereo(calibration))
     for one in pictures.unmatched:
         print(f'  {one}')
+    paths.append(stereo_report(arguments.output, calibration))
     _print_paths(paths)
     return 0
 
@@ -159,6 +161,7 @@ def _interface(arguments: argparse.Namespace) -> int:
     calibration = calibrate_interface(air, views, guesses, covariance, sigma=sigma)
     paths = write_interface(arguments.output, calibration)
     print(summarise_interface(calibration))
+    paths.append(interface_report(arguments.output, calibration))
     _print_paths(paths)
     return 0
 

@@ -1,0 +1,150 @@
+"""The report's pictures, as PNG bytes. matplotlib is optional: without it there are none."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from binopos_ros.calibration.adjust import Adjustment, View
+from binopos_ros.calibration.epipolar import epipolar_residuals
+from binopos_ros.calibration.prediction import ErrorMap
+from binopos_ros.calibration.state import SIDES
+from binopos_ros.calibration.views import CELLS, coverage
+
+CELLS_OF_RESIDUALS = (16, 12)
+MOST_NAMES = 25
+
+
+def available() -> bool:
+    """Whether pictures can be drawn."""
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def residual_maps(fit: Adjustment, views: Sequence[View]) -> bytes:
+    """Mean residual vectors over each camera's picture: arrows in order are a lens misfit."""
+    figure, axes = _figure(len(fit.state.cameras), 5.6, 4.4)
+    for side, axis in enumerate(axes):
+        width, height = fit.state.cameras[side].size
+        pixels = np.concatenate([view.pixels[side] for view in views])
+        residuals = np.concatenate([one[side] for one in fit.residuals])
+        good = np.concatenate([one[side] for one in fit.inliers])
+        good &= np.isfinite(pixels).all(axis=1)
+        columns, rows = CELLS_OF_RESIDUALS
+        cell = np.clip(
+            (pixels[good, 1] * rows / height).astype(int), 0, rows - 1
+        ) * columns + np.clip((pixels[good, 0] * columns / width).astype(int), 0, columns - 1)
+        count = np.bincount(cell, minlength=rows * columns)
+        mean = (
+            np.stack(
+                [np.bincount(cell, residuals[good, i], rows * columns) for i in (0, 1)], axis=1
+            )
+            / np.maximum(count, 1)[:, None]
+        )
+        filled = count > 2
+        u = (np.arange(columns * rows) % columns + 0.5) * width / columns
+        v = (np.arange(columns * rows) // columns + 0.5) * height / rows
+        arrows = axis.quiver(
+            u[filled],
+            v[filled],
+            mean[filled, 0],
+            mean[filled, 1],
+            angles='xy',
+            scale_units='xy',
+            scale=0.2 * columns / width,
+            color='tab:red',
+            width=0.004,
+        )
+        axis.quiverkey(arrows, 0.9, 1.03, 0.1, '0.1 px', labelpos='E')
+        _as_picture(axis, width, height, f'{SIDES[side]}: mean residuals')
+    return _png(figure)
+
+
+def per_view(fit: Adjustment, views: Sequence[View]) -> bytes:
+    """Reprojection RMS of each view, camera by camera."""
+    figure, (axis,) = _figure(1, 10.0, 3.4)
+    places = np.arange(len(views))
+    sides = len(fit.state.cameras)
+    for side in range(sides):
+        values = [fit.rms(view=i, side=side) for i in range(len(views))]
+        axis.bar(places + 0.4 * (side - 0.5 * (sides - 1)), values, 0.4, label=SIDES[side])
+    axis.axhline(fit.rms(), color='black', linewidth=0.8, linestyle='--', label='all')
+    axis.set_ylabel('RMS (px)')
+    if len(views) <= MOST_NAMES:
+        axis.set_xticks(places, [view.name.split('|')[0] for view in views], rotation=60)
+    axis.legend(ncols=3)
+    return _png(figure)
+
+
+def coverages(fit: Adjustment, views: Sequence[View]) -> bytes:
+    """How many points fell where: white cells were never visited."""
+    figure, axes = _figure(len(fit.state.cameras), 5.6, 4.4)
+    for side, axis in enumerate(axes):
+        width, height = fit.state.cameras[side].size
+        counts = coverage(np.concatenate([view.pixels[side] for view in views]), (width, height))
+        shown = np.where(counts > 0, counts, np.nan)
+        image = axis.imshow(shown, extent=(0, width, height, 0), cmap='viridis', vmin=0)
+        figure.colorbar(image, ax=axis, shrink=0.7, label='points')
+        empty = int(np.sum(counts == 0))
+        title = f'{SIDES[side]}: {empty} of {CELLS[0] * CELLS[1]} cells empty'
+        _as_picture(axis, width, height, title)
+    return _png(figure)
+
+
+def epipolar(fit: Adjustment, views: Sequence[View]) -> bytes:
+    """How far the two rays of each point miss each other, over the left picture."""
+    figure, axes = _figure(2, 5.6, 4.4)
+    pixels, values = [], []
+    for view, pose, residuals in zip(views, fit.poses, fit.residuals, strict=True):
+        four = np.concatenate(residuals, axis=1)
+        both = np.isfinite(four).all(axis=1) & np.isfinite(view.pixels[0]).all(axis=1)
+        if both.any():
+            points = pose.apply(view.points[both])
+            values.append(epipolar_residuals(fit.state, points, four[both])[0])
+            pixels.append(view.pixels[0][both])
+    value, place = np.concatenate(values), np.concatenate(pixels)
+    reach = max(3.0 * float(np.std(value)), 1e-6)
+    dots = axes[0].scatter(*place.T, c=value, s=8, cmap='coolwarm', vmin=-reach, vmax=reach)
+    figure.colorbar(dots, ax=axes[0], shrink=0.7, label='px')
+    _as_picture(axes[0], *fit.state.cameras[0].size, 'epipolar residual along the rays')
+    axes[1].hist(np.clip(value, -reach, reach), bins=41)
+    axes[1].set_title(f'mean {value.mean():+.3f} px, scatter {value.std():.3f} px')
+    axes[1].set_xlabel('px')
+    return _png(figure)
+
+
+def predicted(errors: ErrorMap) -> bytes:
+    """Predicted standard deviation of a position over the working volume."""
+    figure, axes = _figure(2, 5.6, 4.4)
+    extent = (*1000 * errors.x[[0, -1]], *1000 * errors.z[[0, -1]])
+    titles = ('with 0.1 px in the target', 'from the calibration alone')
+    for axis, values, title in zip(axes, (errors.total, errors.calibration), titles, strict=True):
+        image = axis.imshow(
+            1000 * values, extent=extent, origin='lower', aspect='auto', cmap='viridis', vmin=0
+        )
+        figure.colorbar(image, ax=axis, label='mm')
+        axis.set(xlabel='x (mm)', ylabel='z (mm)', title=title)
+    return _png(figure)
+
+
+def _figure(columns: int, width: float, height: float) -> tuple[Any, list[Any]]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(columns * width, height), layout='constrained')
+    return figure, list(np.ravel(figure.subplots(1, columns)))
+
+
+def _as_picture(axis: Any, width: int, height: int, title: str) -> None:
+    axis.set(xlim=(0, width), ylim=(height, 0), aspect='equal', title=title)
+
+
+def _png(figure: Any) -> bytes:
+    stream = io.BytesIO()
+    figure.savefig(stream, format='png', dpi=90)
+    return stream.getvalue()
