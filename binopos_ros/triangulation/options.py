@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from binopos_ros.detection.disc import DiscOptions
 from binopos_ros.optics import FlatInterface
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
@@ -179,6 +180,7 @@ class TriangulatorOptions:
     left_port: InterfaceOptions = field(default_factory=InterfaceOptions)
     right_port: InterfaceOptions = field(default_factory=InterfaceOptions)
     index: IndexOptions = field(default_factory=IndexOptions)
+    target: DiscOptions = field(default_factory=DiscOptions)
 
     def __post_init__(self) -> None:
         has_interface = any(self.interfaces())

@@ -13,11 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.detection.disc import to_disc_centres
+from binopos_ros.detection.errors import DetectionError
 from binopos_ros.optics import StereoRig
 from binopos_ros.optics.camera_info import CameraInfo, stereo_from_camera_infos
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.pairing import SIDES, Pair, PairMatcher
 from binopos_ros.triangulation.triangulate import triangulate
+
+#: Left and right centre, left and right covariance.
+_Views = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 #: Pairs that wait for the first calibration: two seconds at 30 Hz.
 EARLY_PAIRS = 60
@@ -149,7 +154,12 @@ class Triangulator:
 
     def _triangulate(self, rig: StereoRig, pair: Pair[Centroid]) -> Position | Drop:
         left, right = pair.left, pair.right
-        views = (left.centre, right.centre, left.covariance, right.covariance)
+        views: _Views = (left.centre, right.centre, left.covariance, right.covariance)
+        if self._options.target.diameter > 0:
+            try:
+                views = self._centred(rig, views)
+            except DetectionError as error:
+                return Drop(left.stamp, str(error))
         if self._estimator is not None:
             state = self._estimator.update(rig, *views, stamp=left.stamp * 1e-9)
             if not np.isfinite(state.point).all():
@@ -167,6 +177,21 @@ class Triangulator:
         if 0 < self._options.epipolar_gate < np.abs(residuals).max():
             return Drop(left.stamp, 'left and right do not see the same point')
         return Position(left.stamp, left.frame_id, point, covariance, index)
+
+    def _centred(self, rig: StereoRig, views: _Views) -> _Views:
+        """The images of the disc's centre instead of the outlines' centres."""
+        found = triangulate(rig, *views)
+        if found.reasons:
+            # It will be told where the pair itself is triangulated.
+            return views
+        target = self._options.target
+        nearest = rig.interface or rig.left_port
+        flat = nearest.normal if nearest is not None else np.array([0.0, 0.0, 1.0])
+        normal = np.array(target.normal) if target.normal else flat
+        left, right = to_disc_centres(
+            rig.project, views[:2], found.points, normal, target.diameter
+        )
+        return left, right, views[2], views[3]
 
 
 def _matcher(options: TriangulatorOptions) -> PairMatcher[Centroid]:
