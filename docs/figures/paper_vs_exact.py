@@ -26,7 +26,12 @@ from binopos_ros.triangulation.paper import triangulate_paper
 BASELINE = 0.23
 SURFACE = 0.8
 INDEX = 1.333
-AZIMUTHS = {'along the baseline': 0.0, 'at 45 degrees to it': 45.0, 'across it': 90.0}
+AZIMUTHS = {
+    'beyond the left camera': 180.0,
+    'beyond the right camera': 0.0,
+    'at 45 degrees, left': 135.0,
+    'across the baseline': 90.0,
+}
 TABLE_ANGLES = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 TABLE_DEPTHS = (0.05, 0.2, 0.5, 1.0)
 
@@ -75,7 +80,7 @@ def main() -> None:
             print(f'| {angle:.0f} deg | ' + ' | '.join(f'{1e3 * e:.2f}' for e in row) + ' |')
 
     angles, depths = np.linspace(0.0, 65.0, 131), np.linspace(0.02, 1.0, 99)
-    figure, panels = plt.subplots(1, 3, figsize=(12, 4.2), sharey=True, layout='constrained')
+    figure, panels = plt.subplots(1, 4, figsize=(15, 4.2), sharey=True, layout='constrained')
     for panel, (name, azimuth) in zip(panels, AZIMUTHS.items(), strict=True):
         millimetres = 1e3 * errors(rig, targets(angles, depths, azimuth))
         image = panel.pcolormesh(
