@@ -17,10 +17,10 @@ load_vivid() { load vivid n_devs=2 node_types=0x1,0x1 num_inputs=1,1 input_types
 # The kernel's USB camera driver, and the virtual host controller that a camera is attached to.
 load_uvc() { load vhci-hcd && load uvcvideo "$@"; }
 
-# The daemon that makes /dev/v4l/by-id and by-path.
+# The daemon that makes /dev/v4l/by-id and by-path. Its name tells the one program what to be.
 start_udev() {
     mkdir -p /run/udev /lib/udev
     cp -rn "$LAB"/udev/lib/udev/. /lib/udev/
-    SYSTEMD_IGNORE_CHROOT=1 "$LAB/udev/lib/systemd/systemd-udevd" --daemon 2>/dev/null ||
-        SYSTEMD_IGNORE_CHROOT=1 "$LAB/udev/bin/udevadm" --version
+    export SYSTEMD_IGNORE_CHROOT=1
+    (exec -a systemd-udevd "$LAB/udev/bin/udevadm" --daemon)
 }

@@ -1,0 +1,307 @@
+"""Runs in the guest: the whole suite live on two virtual cameras, and every fault in turn.
+
+    python live_suite.py SCENE OUT
+
+SCENE is what scene.py made. OUT receives `results.json` (each fault with its times to recovery and
+what the diagnostics said of it), `messages.pickle` (topic, type, stamp, CDR of an undisturbed
+stretch) and `suite.log`, what `binopos run` printed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import deserialize_message
+from scene import RATE, SERIALS, SIZE
+from sensor_msgs.msg import CameraInfo, CompressedImage
+from std_srvs.srv import SetBool
+from virtual_camera.camera import VirtualCamera
+from virtual_camera.usbip import free_ports
+
+TOPICS = {
+    'left/image_raw/compressed': CompressedImage,
+    'right/image_raw/compressed': CompressedImage,
+    'left/camera_info': CameraInfo,
+    'right/camera_info': CameraInfo,
+    'target/position': PoseWithCovarianceStamped,
+    'target/pose': PoseWithCovarianceStamped,
+}
+IMAGES = {side: f'{side}/image_raw/compressed' for side in SERIALS}
+POSE = 'target/pose'
+UNDISTURBED = 10.0
+PATIENCE = 20.0
+
+
+class Observer:
+    """Hears all that the suite says."""
+
+    def __init__(self) -> None:
+        rclpy.init()
+        self.node = rclpy.create_node('observer', namespace='stereo')
+        self.executor = rclpy.executors.SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.kept: list[tuple[str, str, int, bytes]] | None = None
+        self.newest: dict[str, tuple[float, Any]] = {}
+        self.counts = dict.fromkeys(TOPICS, 0)
+        self.status: dict[str, str] = {}
+        self.stages: dict[str, dict[str, str]] = {}
+        self.said = ''
+        for topic, kind in TOPICS.items():
+            self.node.create_subscription(
+                kind, topic, self._keeper(topic, kind), qos_profile_sensor_data, raw=True
+            )
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 20)
+
+    def _keeper(self, topic: str, kind: type) -> Callable[[bytes], None]:
+        name = f'sensor_msgs/msg/{kind.__name__}'
+        if kind is PoseWithCovarianceStamped:
+            name = f'geometry_msgs/msg/{kind.__name__}'
+
+        def keep(data: bytes) -> None:
+            self.newest[topic] = (time.monotonic(), data)
+            self.counts[topic] += 1
+            if self.kept is not None:
+                stamp = deserialize_message(data, kind).header.stamp
+                self.kept.append((topic, name, stamp.sec * 10**9 + stamp.nanosec, data))
+
+        return keep
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if 'camera' in status.name:
+                self.said = status.message
+                self.status = {item.key: item.value for item in status.values}
+            self.stages[status.name] = {item.key: item.value for item in status.values}
+
+    def spin(self, until: Callable[[], bool], patience: float = PATIENCE) -> bool:
+        """Listen until the condition holds; False where it does not in time."""
+        deadline = time.monotonic() + patience
+        while not until():
+            if time.monotonic() > deadline:
+                return False
+            self.executor.spin_once(timeout_sec=0.05)
+        return True
+
+    def next(self, topic: str, after: float) -> float | None:
+        """Seconds from `after` until the next message of a topic; None where none comes."""
+        came = self.spin(lambda: self.newest.get(topic, (0.0,))[0] > after)
+        return self.newest[topic][0] - after if came else None
+
+    def capture(self, start: bool) -> None:
+        """Have the camera node start or stop."""
+        client = self.node.create_client(SetBool, 'start_capture')
+        self.spin(client.service_is_ready)
+        self.spin(client.call_async(SetBool.Request(data=start)).done)
+        self.node.destroy_client(client)
+
+
+class Lab:
+    """The cameras, the suite, and what is done to them."""
+
+    def __init__(self, scene: Path, out: Path) -> None:
+        self.out = out
+        self.results: dict[str, dict[str, Any]] = {}
+        self.cameras = {
+            side: VirtualCamera(
+                [path.read_bytes() for path in sorted((scene / side).iterdir())],
+                SIZE,
+                (RATE,),
+                serial,
+            )
+            for side, serial in SERIALS.items()
+        }
+        self.observer = Observer()
+        self.log = (out / 'suite.log').open('w')
+        # As two processes: importing four times takes long in an emulated machine.
+        self.suite = [
+            self._run(scene, 'camera'),
+            self._run(scene, 'detector', 'triangulator', 'smoother'),
+        ]
+
+    def _run(self, scene: Path, *nodes: str) -> subprocess.Popen[bytes]:
+        words = ['run', '--config', str(scene / 'rig.yaml'), '--single-process', '--nodes', *nodes]
+        return subprocess.Popen(
+            [sys.executable, '-m', 'binopos_ros', *words], stdout=self.log, stderr=self.log
+        )
+
+    @property
+    def alive(self) -> bool:
+        """Whether every process of the suite is up."""
+        return all(process.poll() is None for process in self.suite)
+
+    def recover(
+        self,
+        fault: str,
+        side: str,
+        inject: Callable[[], object],
+        mend: Callable[[], object],
+        words: str = '',
+    ) -> None:
+        """Bring a fault about, wait until the suite says so, mend it, and time the recovery."""
+        observer = self.observer
+        inject()
+        told = observer.spin(lambda: words in observer.said) if words else True
+        said = observer.said
+        mend()
+        mended = time.monotonic()
+        to_image = observer.next(IMAGES[side], mended)
+        to_pose = observer.next(POSE, mended)
+        self.results[fault] = {
+            'told': told,
+            'said': said,
+            'seconds_to_image': to_image,
+            'seconds_to_pose': to_pose,
+            'suite_alive': self.alive,
+        }
+        print(fault, self.results[fault], flush=True)
+        # All is well before the next fault.
+        observer.spin(lambda: not words or words not in observer.said, 5.0)
+
+    def missing_at_start(self) -> None:
+        left, right = self.cameras.values()
+        left.plug()
+        self.observer.spin(lambda: self.observer.counts[IMAGES['left']] > 0, 90.0)
+        self.recover('missing at start', 'right', lambda: None, right.plug, 'right: camera')
+
+    def undisturbed(self) -> None:
+        self.observer.spin(lambda: False, 3.0)
+        self.observer.kept = []
+        self.observer.spin(lambda: False, UNDISTURBED)
+        kept, self.observer.kept = self.observer.kept, None
+        with (self.out / 'messages.pickle').open('wb') as file:
+            pickle.dump(kept, file)
+        self.results['undisturbed'] = {
+            'seconds': UNDISTURBED,
+            'status': self.observer.status,
+            'stages': self.observer.stages,
+            'suite_alive': self.alive,
+        }
+        print(self.results['undisturbed'], flush=True)
+
+    def unplugged(self) -> None:
+        left, right = self.cameras.values()
+        port = right.port
+        unplugged = 'is unplugged; plug it in again'
+        self.recover('unplug', 'right', right.unplug, lambda: right.plug(port), unplugged)
+        other = free_ports()[-1]
+        self.recover('other port', 'right', right.unplug, lambda: right.plug(other), unplugged)
+        ports = left.port, right.port
+
+        def exchange() -> None:
+            left.plug(ports[1])
+            right.plug(ports[0])
+
+        def unplug_both() -> None:
+            left.unplug()
+            right.unplug()
+
+        self.recover('exchanged ports', 'left', unplug_both, exchange, unplugged)
+        self.results['exchanged ports']['sides_kept'] = self._sides_are_kept()
+
+    def _sides_are_kept(self) -> bool:
+        kept = []
+        for side, camera in self.cameras.items():
+            arrived = self.observer.next(IMAGES[side], time.monotonic())
+            message = deserialize_message(self.observer.newest[IMAGES[side]][1], CompressedImage)
+            kept.append(arrived is not None and bytes(message.data) in camera.frames)
+        return all(kept)
+
+    def frozen(self) -> None:
+        left = self.cameras['left']
+
+        def freeze(state: bool) -> None:
+            left.frozen = state
+
+        self.recover('freeze', 'left', lambda: freeze(True), lambda: freeze(False), 'no frame for')
+        stall = {'stall': 20}
+        self.recover('stall', 'left', lambda: left.faults.update(stall), left.faults.clear)
+
+    def damaged(self) -> None:
+        right = self.cameras['right']
+        for kind in ('corrupt', 'short', 'error', 'drop'):
+            before = dict(self.observer.status)
+
+            def spoil(kind: str = kind) -> None:
+                right.faults[kind] = 4
+                self.observer.spin(lambda: right.faults[kind] <= 0, 10.0)
+
+            self.recover(kind, 'right', spoil, lambda: None)
+            self.observer.spin(lambda: False, 1.5)
+            self.results[kind]['before'], self.results[kind]['after'] = (
+                before,
+                dict(self.observer.status),
+            )
+
+    def busy(self) -> None:
+        """Another program takes the left camera while capture is stopped."""
+        self.observer.capture(False)
+        thief = subprocess.Popen(
+            ['v4l2-ctl', '-d', self._node('left'), '--stream-mmap'],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        self.observer.spin(lambda: False, 1.0)
+
+        def release() -> None:
+            thief.terminate()
+            thief.wait()
+
+        self.recover(
+            'busy', 'left', lambda: self.observer.capture(True), release, 'another program uses it'
+        )
+
+    def _node(self, side: str) -> str:
+        camera = self.observer.status[f'{side}: camera']
+        return camera.split()[0]
+
+    def end(self) -> None:
+        for process in self.suite:
+            process.send_signal(signal.SIGINT)
+        self.results['end'] = {'statuses': [_wait(process) for process in self.suite]}
+        for camera in self.cameras.values():
+            camera.unplug()
+        (self.out / 'results.json').write_text(json.dumps(self.results, indent=1))
+
+
+def _wait(process: subprocess.Popen[bytes]) -> int | None:
+    try:
+        return process.wait(20.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return None
+
+
+def main(scene: Path, out: Path) -> None:
+    """Go through it all."""
+    lab = Lab(scene, out)
+    try:
+        for act in (
+            lab.missing_at_start,
+            lab.undisturbed,
+            lab.unplugged,
+            lab.frozen,
+            lab.damaged,
+            lab.busy,
+        ):
+            act()
+            print(f'{act.__name__} done at {time.monotonic():.0f} s', flush=True)
+    finally:
+        lab.end()
+        os._exit(0)
+
+
+if __name__ == '__main__':
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
