@@ -24,6 +24,8 @@ Window = tuple[int, int, int, int]
 SEARCH_WIDTH = 320
 SHAPE_SIZE = 16
 MAX_SEEDS = 16
+NOISE_STEP = 3
+NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -72,27 +74,30 @@ def find(frame: Frame, window: Window, options: DetectorOptions) -> tuple[list[C
 
 
 def _noise(shades: Map) -> float:
-    return 1.5 * float(np.median(np.abs(shades - cv2.blur(shades, (3, 3)))))
+    rest = (shades - cv2.blur(shades, (3, 3)))[::NOISE_STEP, ::NOISE_STEP]
+    return 1.5 * float(np.median(np.abs(rest)))
 
 
 def _seeds(shades: Map, threshold: float) -> list[tuple[int, int, int]]:
     """Where the redness stands out: column, row and the size of the square, strongest first."""
-    best = np.full(shades.shape, -np.inf, np.float32)
-    scale = np.zeros(shades.shape, np.uint8)
+    contrasts: list[Map] = []
     means = shades
     sizes = [1]
     while sizes[-1] < min(shades.shape) / 2:
         inner, size = sizes[-1], sizes[-1] * 2 + 1
         wider = cv2.blur(shades, (size, size), borderType=cv2.BORDER_REFLECT)
         contrast = (means - wider) * np.float32(size**2 / (size**2 - inner**2))
-        scale[contrast > best] = len(sizes) - 1
-        best = np.maximum(best, contrast)
+        contrasts.append(contrast)
         sizes.append(size)
         means = np.asarray(wider, np.float32)
-    peaks = (best >= cv2.dilate(best, np.ones((3, 3), np.uint8))) & (best > threshold * 0.75)
+    best = contrasts[0]
+    for each in contrasts[1:]:
+        best = np.maximum(best, each)
+    peaks = (best >= cv2.dilate(best, NEIGHBOURS)) & (best > threshold * 0.75)
     rows, columns = np.nonzero(peaks)
+    scales = np.argmax([each[rows, columns] for each in contrasts], axis=0)
     order = np.argsort(-best[rows, columns], kind='stable')[:MAX_SEEDS]
-    return [(int(columns[k]), int(rows[k]), sizes[scale[rows[k], columns[k]]]) for k in order]
+    return [(int(columns[k]), int(rows[k]), sizes[scales[k]]) for k in order]
 
 
 def _outlined(shades: Map, column: int, row: int, size: int) -> _Patch | None:
@@ -134,11 +139,11 @@ def _settled(part: Map, column: int, row: int, inside: float, outside: float) ->
     box = (0, 0, 0, 0)
     for _ in range(5):
         level = (inside + outside) / 2
-        labels = cv2.connectedComponents((part > level).view(np.uint8), connectivity=4)[1]
-        label = labels[row, column]
-        if label == 0:
+        above = (part > level).view(np.uint8)
+        if not above[row, column]:
             return None
-        cut = (labels == label).view(np.uint8)
+        cv2.floodFill(above, None, (column, row), 2)
+        cut = (above == 2).view(np.uint8)
         if mask is not None and np.array_equal(cut, mask):
             break
         mask = cut
@@ -149,12 +154,12 @@ def _settled(part: Map, column: int, row: int, inside: float, outside: float) ->
             slice(max(by - margin, 0), by + bh + margin),
             slice(max(bx - margin, 0), bx + bw + margin),
         )
-        grown = cv2.dilate(mask, np.ones((3, 3), np.uint8))
+        grown = cv2.dilate(mask, NEIGHBOURS)
         around = part[near][grown[near] == 0]
         if around.size < 4:
             return None
-        core = cv2.erode(mask, np.ones((3, 3), np.uint8), borderValue=0)
-        inside = float(np.median(part[(core if core.any() else mask) > 0]))
+        core = cv2.erode(mask, NEIGHBOURS, borderValue=0)
+        inside = cv2.mean(part, core if core.any() else mask)[0]
         outside = float(np.median(around))
     if mask is None:
         return None

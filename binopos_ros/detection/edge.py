@@ -116,7 +116,7 @@ class EdgeFit:
         """Solve, for each channel, for the edge's motion and the two planes."""
         du, dv = self._centre.tolist()
         x, y = self._u - np.float32(du), self._v - np.float32(dv)
-        (a, b), (_, d) = (np.linalg.inv(self._moments) / 4).tolist()
+        a, b, d = _inverse(4 * self._moments)
         gu, gv = a * x + b * y, b * x + d * y
         t = np.sqrt(gu * x + gv * y)
         steep = 1 / (np.sqrt(gu * gu + gv * gv) + np.float32(1e-9))
@@ -146,12 +146,11 @@ class EdgeFit:
             msg = 'the patch is of the same colour as its surroundings'
             raise DetectionError(msg)
         influence = self._inverse[:2].astype(np.float32) @ self._design
-        scores = np.concatenate([each[:, None] * self._rest for each in influence], axis=1)
-        grid = np.zeros((*self._band.shape, 6), np.float32)
+        scores = np.hypot(*influence)[:, None] * self._rest
+        grid = np.zeros((*self._band.shape, 3), np.float32)
         grid[self._rows, self._columns] = scores
-        summed = _summed(grid)[self._rows, self._columns]
-        noise = scores[:, :3].T @ summed[:, :3] + scores[:, 3:].T @ summed[:, 3:]
-        noise = (noise + noise.T) / 2
+        noise = scores.T @ _summed(grid)[self._rows, self._columns]
+        noise = (noise + noise.T).astype(float) / 2
         noise += np.eye(3) * (SHARED_NOISE * np.trace(noise) + 1e-12)
         row = np.linalg.solve(noise, difference)
         axis: Array = row / (row @ difference)
@@ -197,6 +196,13 @@ class EdgeFit:
             factor *= JPEG_FACTOR
         covariance: Array = self._inverse[:2, :2] * (variance * factor)
         return covariance
+
+
+def _inverse(matrix: Array) -> tuple[float, float, float]:
+    """The inverse of a symmetric matrix (2, 2), as its xx, xy and yy."""
+    (a, b), (_, d) = matrix.tolist()
+    determinant = a * d - b * b
+    return d / determinant, -b / determinant, a / determinant
 
 
 _MOST_MOVE = np.array([2.0, 2.0, 0.3, 0.3, 0.3, 0.4])

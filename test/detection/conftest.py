@@ -1,0 +1,58 @@
+"""Fixtures of the detector's tests: a renderer of its own, and real pictures."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import NamedTuple
+
+import pytest
+
+
+def _load(name: str) -> ModuleType:
+    path = Path(__file__).with_name(f'{name}.py')
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope='session')
+def rendered() -> Iterator[ModuleType]:
+    """The independent renderer, `rendered.py` beside this file."""
+    yield _load('rendered')
+
+
+class Buoy(NamedTuple):
+    """A real picture: its JPEG, the box around the buoy or None, and the hundred it lies in."""
+
+    name: str
+    jpeg: bytes
+    box: tuple[int, int, int, int] | None
+    hundred: int
+
+
+@pytest.fixture(scope='session')
+def buoys(shared_data: Path) -> list[Buoy]:
+    folder = shared_data / 'robosub-red-buoy'
+    if not folder.is_dir():
+        pytest.skip(f'{folder} is not there: the real pictures are not in this checkout')
+    with (folder / 'index.csv').open(encoding='utf-8') as file:
+        rows = list(csv.DictReader(file))
+    return [
+        Buoy(
+            row['image'],
+            (folder / 'Images' / f'{row["image"]}.jpg').read_bytes(),
+            tuple(int(row[key]) for key in ('xmin', 'ymin', 'xmax', 'ymax'))  # type: ignore
+            if row['xmin']
+            else None,
+            int(row['image']) // 100 * 100,
+        )
+        for row in rows
+    ]
