@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 
+import cv2
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_msgs.msg import Header
 
 from binopos_ros.bag.messages import read_camera_info_message, stamp_of
-from binopos_ros.detection import DetectorOptions, JpegImage, RawImage
+from binopos_ros.detection import (
+    Detection,
+    DetectionError,
+    DetectorOptions,
+    Frame,
+    JpegImage,
+    RawImage,
+)
+from binopos_ros.detection.overlay import draw
 from binopos_ros.detection.stage import CameraStage, try_decode
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode, run
 
 SIDES = ('left', 'right')
+OVERLAY_QUALITY = 80
 
 
 class DetectorNode(StageNode):
@@ -26,9 +38,13 @@ class DetectorNode(StageNode):
         options = self.declare_options(DetectorOptions, self._configure)
         self.refuse_unknown_parameters()
         self._stages = {side: CameraStage(options) for side in SIDES}
-        self._diagnostics = StageDiagnostics(self, 'stereo cameras')
+        self._newest: dict[str, Detection] = {}
+        self._diagnostics = StageDiagnostics(self, 'stereo cameras', self._details)
         self._centroids = {
             side: self.publisher(PoseWithCovarianceStamped, f'{side}/centroid') for side in SIDES
+        }
+        self._overlays = {
+            side: self.publisher(CompressedImage, f'{side}/overlay/compressed') for side in SIDES
         }
         for side in SIDES:
             self.subscription(
@@ -65,7 +81,13 @@ class DetectorNode(StageNode):
     ) -> None:
         self._diagnostics.received[f'{side}/image_raw'] += 1
         stamp = stamp_of(message)
-        detection = self._stages[side].detect(stamp, try_decode(image))
+        decoded = try_decode(image)
+        detection = self._stages[side].detect(stamp, decoded)
+        self._newest[side] = detection
+        if self._overlays[side].get_subscription_count() > 0 and not isinstance(
+            decoded, DetectionError
+        ):
+            self._publish_overlay(side, message.header, decoded, detection)
         if detection.target is None:
             self._diagnostics.drop(f'{side}: {detection.reason}')
             return
@@ -77,6 +99,26 @@ class DetectorNode(StageNode):
             )
         )
         self._diagnostics.published += 1
+
+    def _publish_overlay(
+        self, side: str, header: Header, frame: Frame, detection: Detection
+    ) -> None:
+        picture = draw(frame.window(0, 0, frame.width, frame.height), detection)
+        _, jpeg = cv2.imencode('.jpg', picture, (cv2.IMWRITE_JPEG_QUALITY, OVERLAY_QUALITY))
+        message = CompressedImage(header=header, format='jpeg')
+        message.data = jpeg.tobytes()
+        self._overlays[side].publish(message)
+
+    def _details(self) -> dict[str, object]:
+        details: dict[str, object] = {}
+        for side, detection in self._newest.items():
+            if math.isfinite(detection.threshold):
+                details[f'{side}: contrast wanted'] = f'{detection.threshold:.3f}'
+            refused = [each.reason for each in detection.candidates if each.reason]
+            details[f'{side}: candidates refused'] = len(refused)
+            if refused:
+                details[f'{side}: best candidate refused'] = refused[0]
+        return details
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,0 +1,110 @@
+"""The smoother node: pose and odometry out, foretold while the target is out of sight, reset."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+from binopos_ros.nodes.messages import pose_message
+
+pytestmark = pytest.mark.live
+
+PERIOD = 33_333_333
+COVARIANCE = np.diag([1e-8, 1e-8, 1e-6])
+
+
+def position(stamp: int, x: float) -> PoseWithCovarianceStamped:
+    return pose_message(stamp, 'left_camera', (x, 0.1, 1.2), COVARIANCE)
+
+
+def test_a_moving_target_gives_its_pose_its_velocity_and_markers(start, peer):
+    start('smoother')
+    positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
+    poses = peer.listen(PoseWithCovarianceStamped, 'target/pose')
+    odometry = peer.listen(Odometry, 'target/odometry')
+    markers = peer.listen(MarkerArray, 'target/markers')
+    peer.connect(positions, inputs=('target/pose', 'target/odometry', 'target/markers'))
+    speed = 0.15
+    for k in range(120):
+        positions.publish(position(k * PERIOD, speed * k * PERIOD * 1e-9))
+        peer.wait_for(lambda k=k: len(poses) > k, f'pose {k}')
+    peer.wait_for(lambda: len(odometry) == len(markers) == 120, 'odometry and markers')
+    assert [stamp_of(message) for message in poses] == [k * PERIOD for k in range(120)]
+    last = odometry[-1]
+    assert last.header.frame_id == 'left_camera'
+    assert last.child_frame_id == 'target'
+    expected = np.array([speed * 119 * PERIOD * 1e-9, 0.1, 1.2])
+    np.testing.assert_allclose(position_of(last), expected, atol=1e-3)
+    assert abs(last.twist.twist.linear.x - speed) < 0.02
+    np.testing.assert_array_equal(position_of(last), position_of(poses[-1]))
+    assert np.linalg.eigvalsh(covariance_of(last)).min() > 0
+    ball, ellipsoid = markers[-1].markers
+    assert ball.pose.position == last.pose.pose.position
+    # The target's depth is known worst, so the ellipsoid is longest along z.
+    lengths = [ellipsoid.scale.x, ellipsoid.scale.y, ellipsoid.scale.z]
+    assert max(lengths) > 2 * min(lengths) > 0
+
+
+def test_at_a_fixed_rate_the_pose_is_foretold_for_the_sensor_timeout_and_then_stops(start, peer):
+    values = {'output_rate': 50.0, 'sensor_timeout': 1.0}
+    start('smoother', parameters={'smoother': values})
+    positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
+    poses = peer.listen(PoseWithCovarianceStamped, 'target/pose')
+    peer.connect(positions, inputs=('target/pose',))
+    begin = time.time_ns()
+    last = begin
+    for k in range(30):
+        last = begin + k * PERIOD
+        peer.wait_for(lambda stamp=last: time.time_ns() >= stamp, 'the next frame')
+        positions.publish(position(last, 0.0))
+    peer.wait_for(lambda: time.time_ns() > last + 2_500_000_000, 'silence')
+    after = [message for message in poses if stamp_of(message) > last + PERIOD]
+    assert len(after) > 20
+    assert stamp_of(after[-1]) <= last + 1_000_000_000
+    variances = [np.trace(covariance_of(message)[:3, :3]) for message in after]
+    assert variances == sorted(variances)
+
+
+def test_a_wrong_position_is_refused_counted_and_not_followed(start, peer):
+    start('smoother')
+    positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
+    poses = peer.listen(PoseWithCovarianceStamped, 'target/pose')
+    diagnostics = peer.listen(DiagnosticArray, '/diagnostics')
+    peer.connect(positions, inputs=('target/pose',))
+    for k in range(40):
+        positions.publish(position(k * PERIOD, 10.0 if k == 35 else 0.0))
+        peer.wait_for(lambda k=k: len(poses) > k, f'pose {k}')
+    worst = max(abs(position_of(message)[0]) for message in poses)
+    assert worst < 1e-3
+
+    def values() -> dict[str, str]:
+        return {v.key: v.value for a in diagnostics for s in a.status for v in s.values}
+
+    peer.wait_for(lambda: values().get('Dropped') == '1', 'the drop')
+
+
+def test_reset_forgets_the_target(start, peer):
+    start('smoother')
+    positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
+    poses = peer.listen(PoseWithCovarianceStamped, 'target/pose')
+    peer.connect(positions, inputs=('target/pose',))
+    for k in range(10):
+        positions.publish(position(k * PERIOD, 0.0))
+    peer.wait_for(lambda: len(poses) == 10, 'the poses')
+    client = peer.node.create_client(Trigger, 'smoother/reset')
+    peer.wait_for(client.service_is_ready, 'the service')
+    answer = client.call_async(Trigger.Request())
+    peer.wait_for(answer.done, 'the answer')
+    assert answer.result().success
+    # Far from where the target was: refused before, the first of a new track now.
+    positions.publish(position(10 * PERIOD, 5.0))
+    peer.wait_for(lambda: len(poses) == 11, 'the pose after the reset')
+    assert abs(position_of(poses[-1])[0] - 5.0) < 1e-6
