@@ -1,7 +1,6 @@
 """The suite's parameters: frozen dataclasses in the rooms, flat dotted names outside.
 
-Each room states its options as a frozen dataclass that validates itself; a field's metadata holds
-`description`, `unit`, `range` (lowest, highest), `choices` and `read_only`. From it come the ROS
+Each room states its options as a frozen dataclass of `option` fields. From it come the ROS
 parameters of the nodes (with descriptors) and the reading of parameter files by the offline verbs,
 so both know the same names, the same ranges and the same refusals.
 """
@@ -19,6 +18,28 @@ from typing import Any
 
 class ParameterError(ValueError):
     """A parameter that is unknown, of the wrong type or out of range."""
+
+
+def option(
+    default: Any,
+    description: str,
+    unit: str = '',
+    limits: tuple[float, float] | None = None,
+    choices: tuple[str, ...] = (),
+    read_only: bool = False,
+) -> Any:
+    """A field of an options dataclass: default, meaning, unit, lowest and highest value, choices.
+
+    A `read_only` one cannot change while a node runs.
+    """
+    metadata = {
+        'description': description,
+        'unit': unit,
+        'range': limits,
+        'choices': choices,
+        'read_only': read_only,
+    }
+    return dataclasses.field(default=default, metadata=metadata)
 
 
 @dataclasses.dataclass(frozen=True)

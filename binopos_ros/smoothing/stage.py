@@ -6,11 +6,12 @@ It is the same object in the live node and in `binopos process`.
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.parameters import option
 from binopos_ros.smoothing.factory import FILTERS, make_filter
 from binopos_ros.smoothing.options import Options
 from binopos_ros.smoothing.state import FilterState
@@ -20,30 +21,19 @@ from binopos_ros.smoothing.state import FilterState
 class SmootherOptions:
     """Options of the smoothing stage; the filter's own options stand beside them."""
 
-    method: str = field(
-        default='cloud-kalman',
-        metadata={
-            'description': 'the filter',
-            'choices': tuple(FILTERS),
-            'read_only': True,
-        },
+    method: str = option('cloud-kalman', 'the filter', choices=tuple(FILTERS), read_only=True)
+    sensor_timeout: float = option(
+        0.5,
+        'for this long after the last used position the pose is foretold, with a growing '
+        'covariance; then it stops',
+        's',
+        (0.0, 60.0),
     )
-    sensor_timeout: float = field(
-        default=0.5,
-        metadata={
-            'description': 'for this long after the last used position the pose is foretold, '
-            'with a growing covariance; then it stops',
-            'unit': 's',
-            'range': (0.0, 60.0),
-        },
-    )
-    output_rate: float = field(
-        default=0.0,
-        metadata={
-            'description': 'poses per second at a fixed rate; 0: one per position, at its stamp',
-            'unit': 'Hz',
-            'range': (0.0, 500.0),
-        },
+    output_rate: float = option(
+        0.0,
+        'poses per second at a fixed rate; 0: one per position, at its stamp',
+        'Hz',
+        (0.0, 500.0),
     )
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from binopos_ros.detection.disc import DiscOptions
 from binopos_ros.optics import FlatInterface
+from binopos_ros.parameters import option
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.index import IndexEstimator
@@ -19,35 +19,17 @@ METHODS = ('refractive', 'paper', 'straight')
 class InterfaceOptions:
     """One flat interface: a water surface, a port or a tank's wall. All empty: there is none."""
 
-    normal: tuple[float, ...] = field(
-        default=(),
-        metadata={
-            'description': "unit normal, from the cameras into the target's medium, 3 numbers"
-        },
+    normal: tuple[float, ...] = option(
+        (), "unit normal, from the cameras into the target's medium, 3 numbers"
     )
-    distance: float = field(
-        default=0.0,
-        metadata={
-            'description': "along the normal, from the camera's centre to the first surface",
-            'unit': 'm',
-            'range': (0.0, 1000.0),
-        },
+    distance: float = option(
+        0.0, "along the normal, from the camera's centre to the first surface", 'm', (0.0, 1000.0)
     )
-    indices: tuple[float, ...] = field(
-        default=(),
-        metadata={
-            'description': 'refractive indices, camera side first',
-            'unit': '1',
-            'range': (1.0, 5.0),
-        },
+    indices: tuple[float, ...] = option(
+        (), 'refractive indices, camera side first', '1', (1.0, 5.0)
     )
-    thicknesses: tuple[float, ...] = field(
-        default=(),
-        metadata={
-            'description': 'thicknesses of the layers between the first and the last medium',
-            'unit': 'm',
-            'range': (0.0, 100.0),
-        },
+    thicknesses: tuple[float, ...] = option(
+        (), 'of the layers between the first and the last medium', 'm', (0.0, 100.0)
     )
 
     def build(self, name: str) -> FlatInterface | None:
@@ -73,45 +55,39 @@ class InterfaceOptions:
         return interface
 
 
-def _number(default: float | None, description: str, unit: str, low: float, high: float) -> Any:
-    metadata = {'description': description, 'unit': unit, 'range': (low, high)}
-    return field(default=default, metadata=metadata)
-
-
 @dataclass(frozen=True)
 class IndexOptions:
     """What is known beforehand of the refractive index of the target's medium."""
 
-    prior: str = field(
-        default='given',
-        metadata={
-            'description': "given: the last of the interface's indices, with index.std; "
-            'water: computed from temperature, salinity, wavelength and depth',
-            'choices': ('given', 'water'),
-        },
+    prior: str = option(
+        'given',
+        "given: the last of the interface's indices, with index.std; "
+        'water: computed from temperature, salinity, wavelength and depth',
+        choices=('given', 'water'),
     )
-    std: float = _number(
+    std: float = option(
         0.0,
         'standard deviation of the given index. Above 0 the index is followed live; '
         '0: it is taken for exact',
         '1',
-        0.0,
-        0.5,
+        (0.0, 0.5),
     )
-    drift: float = _number(
-        0.0, 'standard deviation of its change within a second', '1/sqrt(s)', 0.0, 0.1
+    drift: float = option(
+        0.0, 'standard deviation of the change of the index in a second', '1/sqrt(s)', (0.0, 0.1)
     )
-    temperature: float = _number(20.0, 'of the water', 'C', 0.0, 30.0)
-    temperature_std: float = _number(1.0, 'its standard deviation', 'C', 0.0, 30.0)
-    salinity: float = _number(0.0, 'of the water', 'g/kg', 0.0, 43.0)
-    salinity_std: float = _number(0.5, 'its standard deviation', 'g/kg', 0.0, 43.0)
-    wavelength: float = _number(620.0, "of the target's light", 'nm', 400.0, 700.0)
-    wavelength_std: float = _number(15.0, 'its standard deviation', 'nm', 0.0, 150.0)
-    depth: float = _number(0.0, 'of the target under the sea surface', 'm', 0.0, 11000.0)
-    target_depth: float | None = _number(
-        None, 'depth of the target beyond the last surface, where it is known', 'm', 0.001, 100.0
+    temperature: float = option(20.0, 'temperature of the water', 'C', (0.0, 30.0))
+    temperature_std: float = option(1.0, 'standard deviation of the temperature', 'C', (0.0, 30.0))
+    salinity: float = option(0.0, 'salinity of the water', 'g/kg', (0.0, 43.0))
+    salinity_std: float = option(0.5, 'standard deviation of the salinity', 'g/kg', (0.0, 43.0))
+    wavelength: float = option(620.0, "wavelength of the target's light", 'nm', (400.0, 700.0))
+    wavelength_std: float = option(
+        15.0, 'standard deviation of the wavelength', 'nm', (0.0, 150.0)
     )
-    target_depth_std: float = _number(0.001, 'its standard deviation', 'm', 1e-6, 10.0)
+    depth: float = option(0.0, 'depth of the target under the sea surface', 'm', (0.0, 11000.0))
+    target_depth: float | None = option(
+        None, 'depth of the target beyond the last surface, where it is known', 'm', (0.001, 100.0)
+    )
+    target_depth_std: float = option(0.001, 'standard deviation of that depth', 'm', (1e-6, 10.0))
 
     @property
     def is_estimated(self) -> bool:
@@ -151,30 +127,23 @@ class IndexOptions:
 class TriangulatorOptions:
     """Options of the triangulation stage."""
 
-    method: str = field(
-        default='refractive',
-        metadata={
-            'description': "refractive: along the bent rays; paper: the paper's; straight: in air",
-            'choices': METHODS,
-        },
+    method: str = option(
+        'refractive',
+        "refractive: along the bent rays; paper: the paper's; straight: in air",
+        choices=METHODS,
     )
-    pair_tolerance: float | None = field(
-        default=None,
-        metadata={
-            'description': 'largest difference between the stamps of a pair; '
-            'unset: half of the measured frame period',
-            'unit': 's',
-            'range': (0.0, 10.0),
-        },
+    pair_tolerance: float | None = option(
+        None,
+        'largest difference between the stamps of a pair; unset: half of the frame period',
+        's',
+        (0.0, 10.0),
     )
-    epipolar_gate: float = field(
-        default=10.0,
-        metadata={
-            'description': 'largest distance of an image point from the image of the position '
-            'found; above it left and right did not see the same target. 0 switches it off',
-            'unit': 'px',
-            'range': (0.0, 1000.0),
-        },
+    epipolar_gate: float = option(
+        10.0,
+        'largest distance of an image point from the image of the position found; above it left '
+        'and right did not see the same target. 0 switches it off',
+        'px',
+        (0.0, 1000.0),
     )
     interface: InterfaceOptions = field(default_factory=InterfaceOptions)
     left_port: InterfaceOptions = field(default_factory=InterfaceOptions)
