@@ -113,7 +113,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'corners of a chessboard, squares of a ChArUco board, circles of a grid',
     )
     boards.add_argument(
-        '--board-kind',
+        '--kind',
         choices=KINDS,
         default=CHESSBOARD,
         help='what is printed (default: chessboard)',
@@ -210,9 +210,7 @@ def _board(arguments: argparse.Namespace) -> Board | None:
         return None
     columns, rows = parse_size(arguments.board)
     marker = 0.75 * arguments.square if arguments.marker is None else arguments.marker
-    return Board(
-        arguments.board_kind, columns, rows, arguments.square, marker, arguments.dictionary
-    )
+    return Board(arguments.kind, columns, rows, arguments.square, marker, arguments.dictionary)
 
 
 def _progress_bar(pairs: int) -> Any:
