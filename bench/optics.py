@@ -1,0 +1,157 @@
+"""How fast are bent rays: this project beside AquaCal and OpenCV, in one run.
+
+Run as `python bench/optics.py`; with `aquacal` installed in the same environment (pip install
+aquacal) its columns are filled in, otherwise the table says so. The scene is the paper's: two
+cameras with five distortion terms, 230 mm apart, 0.8 m above water. OpenCV's functions know no
+refraction; they are here as the floor. Every figure is the best of several runs.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.triangulation import triangulate
+
+INDEX = 1.333
+SURFACE = 0.8  # m
+MATRIX = np.array([[900.0, 0.0, 640.0], [0.0, 900.0, 480.0], [0.0, 0.0, 1.0]])
+TERMS = np.array([-0.1, 0.02, 1e-3, -5e-4, 0.0])
+SIZE = (1280, 960)
+SHIFT = np.array([-0.23, 0.0, 0.0])
+COVARIANCE = 0.01 * np.eye(2)  # px^2
+
+
+def seconds(work: Callable[[], Any], runs: int) -> float:
+    """Return the shortest of several runs."""
+    best = float('inf')
+    for _ in range(runs):
+        start = time.perf_counter()
+        work()
+        best = min(best, time.perf_counter() - start)
+    return best
+
+
+class AquaCal:
+    """The peer, on the same scene."""
+
+    def __init__(self) -> None:
+        from aquacal.config.schema import CameraExtrinsics, CameraIntrinsics
+        from aquacal.core.camera import Camera
+        from aquacal.core.interface_model import Interface
+        from aquacal.core.refractive_geometry import refractive_project_batch
+        from aquacal.triangulation.triangulate import triangulate_point
+
+        up = np.array([0.0, 0.0, -1.0])
+        intrinsics = CameraIntrinsics(K=MATRIX, dist_coeffs=TERMS, image_size=SIZE)
+        self.cameras = {}
+        for name, shift in (('left', np.zeros(3)), ('right', SHIFT)):
+            extrinsics = CameraExtrinsics(R=np.eye(3), t=shift)
+            self.cameras[name] = Camera(name, intrinsics, extrinsics)
+        surface = dict.fromkeys(self.cameras, SURFACE)
+        self.interface = Interface(up, surface, n_air=1.0, n_water=INDEX)
+        calibrations = {
+            name: SimpleNamespace(
+                intrinsics=camera.intrinsics, extrinsics=camera.extrinsics, water_z=SURFACE
+            )
+            for name, camera in self.cameras.items()
+        }
+        media = SimpleNamespace(normal=up, n_air=1.0, n_water=INDEX)
+        self.calibration = SimpleNamespace(cameras=calibrations, interface=media)
+        self._project, self._triangulate = refractive_project_batch, triangulate_point
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Project into both cameras, (N, 4)."""
+        cameras = self.cameras.values()
+        return np.hstack([self._project(c, self.interface, points) for c in cameras])
+
+    def triangulate(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Triangulate pair by pair, (N, 3); it has no batch and no covariance."""
+        pairs = zip(left, right, strict=True)
+        return np.array(
+            [self._triangulate(self.calibration, {'left': a, 'right': b}) for a, b in pairs]
+        )
+
+
+def opencv_triangulate(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Undistort and triangulate straight, (N, 3)."""
+    first = cv2.undistortPoints(left.reshape(-1, 1, 2), MATRIX, TERMS).reshape(-1, 2).T
+    second = cv2.undistortPoints(right.reshape(-1, 1, 2), MATRIX, TERMS).reshape(-1, 2).T
+    here, there = np.eye(3, 4), np.column_stack([np.eye(3), SHIFT])
+    homogeneous = cv2.triangulatePoints(here, there, first, second)
+    return (homogeneous[:3] / homogeneous[3]).T
+
+
+def row(name: str, ours: float, peer: float | None, floor: float, count: int) -> None:
+    """Print one line: points per second, and ratios."""
+    known = f'{count / peer:>12,.0f} {peer / ours:>9.0f}x' if peer else f'{"-":>12} {"-":>10}'
+    print(f'{name:<34}{count / ours:>14,.0f} {known} {count / floor:>14,.0f}')
+
+
+def main() -> None:
+    """Run everything and print one table."""
+    camera = PinholeCamera(MATRIX, TERMS, SIZE)
+    surface = FlatInterface((0, 0, 1), SURFACE, (1.0, INDEX))
+    rig = StereoRig(camera, camera, np.eye(3), SHIFT, surface)
+    rng = np.random.default_rng(0)
+    many = rng.uniform([-0.3, -0.3, 1.0], [0.5, 0.3, 1.5], (400_000, 3))
+    few = many[:20_000]
+    left, right = rig.project(many)
+    left += 0.1 * rng.standard_normal(left.shape)
+    aquacal = AquaCal() if importlib.util.find_spec('aquacal') else None
+    if aquacal is None:
+        print('aquacal is not installed: its column is left empty (pip install aquacal)\n')
+    else:
+        apart = np.abs(aquacal.project(few) - np.hstack(rig.project(few))).max()
+        print(f'largest difference from AquaCal over {len(few):,} points: {apart:.1e} px\n')
+
+    def straight() -> None:
+        for shift in (np.zeros(3), SHIFT):
+            cv2.projectPoints(few, np.zeros(3), shift, MATRIX, TERMS)
+
+    print(f'{os.cpu_count()} cores; OpenCV without refraction')
+    print(f'{"points per second":<34}{"binopos":>14} {"AquaCal":>12} {"ratio":>10} {"OpenCV":>14}')
+    share = len(many) / len(few)
+    peer = share * seconds(lambda: aquacal.project(few), 4) if aquacal else None
+    floor = share * seconds(straight, 50)
+    row('project, both cameras', seconds(lambda: rig.project(many), 7), peer, floor, len(many))
+    row('project with derivatives', seconds(lambda: rig.differentiate(many), 5), peer, floor,
+        len(many))  # fmt: skip
+
+    def ours() -> None:
+        triangulate(rig, left, right, COVARIANCE, COVARIANCE)
+
+    peer = floor = 0.0
+    if aquacal:
+        peer = 200 * seconds(lambda: aquacal.triangulate(left[:2000], right[:2000]), 4)
+    floor = seconds(lambda: opencv_triangulate(left, right), 3)
+    row('triangulate, with covariance', seconds(ours, 5), peer or None, floor, len(many))
+
+    def one_by_one(call: Callable[[np.ndarray, np.ndarray], Any], count: int = 40) -> float:
+        def loop() -> None:
+            for i in range(count):
+                call(left[i : i + 1], right[i : i + 1])
+
+        return seconds(loop, 60) / count
+
+    live = one_by_one(lambda a, b: triangulate(rig, a[0], b[0], COVARIANCE, COVARIANCE))
+    peer = one_by_one(aquacal.triangulate) if aquacal else 0.0
+    floor = one_by_one(opencv_triangulate)
+    row('triangulate, one pair at a time', live, peer or None, floor, 1)
+    print(f'\none live triangulation with covariance: {1e6 * live:.0f} us')
+
+
+if __name__ == '__main__':
+    main()
