@@ -176,6 +176,14 @@ def adjust(
     )
 
 
+def view_information(
+    state: RigState, pose: Pose, view: View, free: np.ndarray, sigma: float
+) -> np.ndarray:
+    """(F, F) what one view, its pose unknown, tells about the free parameters of the rig."""
+    batch = _Batch([view], len(state.cameras))
+    return _reduced(batch.normal(state, [pose], free, np.ones(batch.count), sigma, None))[0]
+
+
 class _Batch:
     """All observations in rows, so that each camera is projected in one call."""
 

@@ -100,8 +100,11 @@ def _info(name: str, camera: Camera, rectify: np.ndarray, project: np.ndarray) -
 
 
 def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Path]:
-    """Write interface.yaml, the triangulator's parameters, and covariance.yaml; the paths."""
-    _make_folder(folder)
+    """Write interface.yaml, the triangulator's parameters, and the stereo files beside it.
+
+    The pictures through the interface have improved the cameras a little, too, and the covariance
+    is that of all of them together: the four files belong together.
+    """
     lines = [
         '# What the cameras look through; a ROS 2 parameter file for --config and --params-file.',
         '# Written by `binopos calibrate interface`. +- is one standard deviation.',
@@ -124,11 +127,10 @@ def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Pat
                 for i in range(len(interface.thicknesses))
             )
             lines += [f'      thicknesses: {_numbers(interface.thicknesses)}  # m, +- {spread}']
+    paths = write_stereo(folder, calibration.state, calibration.covariance)
     path = folder / INTERFACE_FILE
     write_text(path, '\n'.join(lines) + '\n')
-    covariance = folder / COVARIANCE_FILE
-    write_covariance(covariance, calibration.state, calibration.covariance)
-    return [path, covariance]
+    return [path, *paths]
 
 
 def read_stereo(folder: Path) -> tuple[RigState, ParameterCovariance | None]:

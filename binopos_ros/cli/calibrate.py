@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     stereo = kinds.add_parser('stereo', help='both cameras and their mutual pose, in air')
     _add_source(stereo)
     _add_board(stereo)
-    _add_output(stereo)
+    _add_output(stereo, Path('calibration'), 'calibration')
     stereo.add_argument(
         '--most-views', type=int, default=MOST_VIEWS, metavar='N', help='use at most N views'
     )
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _add_source(interface)
     _add_board(interface)
-    _add_output(interface)
+    _add_output(interface, None, 'interface in the folder of --calibration')
     interface.add_argument(
         '--calibration',
         type=Path,
@@ -138,6 +138,12 @@ def _stereo(arguments: argparse.Namespace) -> int:
 
 def _interface(arguments: argparse.Namespace) -> int:
     air, covariance = read_stereo(arguments.calibration)
+    output = arguments.output or arguments.calibration / 'interface'
+    if output.resolve() == arguments.calibration.resolve():
+        raise CalibrationError(
+            f'-o {output} would overwrite the calibration in air, which a second run needs: give '
+            'another folder'
+        )
     guesses = guesses_from(
         parse_numbers(arguments.indices, '--indices'),
         parse_numbers(arguments.thicknesses, '--thicknesses'),
@@ -159,9 +165,9 @@ def _interface(arguments: argparse.Namespace) -> int:
                 f'no pair shows the {board} in both pictures: check the board given, and the light'
             )
     calibration = calibrate_interface(air, views, guesses, covariance, sigma=sigma)
-    paths = write_interface(arguments.output, calibration)
+    paths = write_interface(output, calibration)
     print(summarise_interface(calibration))
-    paths.append(interface_report(arguments.output, calibration))
+    paths.append(interface_report(output, calibration))
     _print_paths(paths)
     return 0
 
@@ -229,14 +235,14 @@ def _add_board(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_output(parser: argparse.ArgumentParser) -> None:
+def _add_output(parser: argparse.ArgumentParser, folder: Path | None, words: str) -> None:
     parser.add_argument(
         '-o',
         '--output',
         type=Path,
-        default=Path('calibration'),
+        default=folder,
         metavar='DIR',
-        help='folder to write to (default: calibration)',
+        help=f'folder to write to (default: {words})',
     )
 
 
