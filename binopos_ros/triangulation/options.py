@@ -132,9 +132,9 @@ class TriangulatorOptions:
         "refractive: along the bent rays; paper: the paper's; straight: in air",
         choices=METHODS,
     )
-    pair_tolerance: float | None = option(
-        None,
-        'largest difference between the stamps of a pair; unset: half of the frame period',
+    pair_tolerance: float = option(
+        0.0,
+        'largest difference between the stamps of a pair; 0 takes half of the frame period',
         's',
         (0.0, 10.0),
     )

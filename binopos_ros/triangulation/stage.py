@@ -196,4 +196,4 @@ class Triangulator:
 
 def _matcher(options: TriangulatorOptions) -> PairMatcher[Centroid]:
     tolerance = options.pair_tolerance
-    return PairMatcher(None if tolerance is None else round(tolerance * 1e9))
+    return PairMatcher(round(tolerance * 1e9) if tolerance > 0 else None)

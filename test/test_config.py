@@ -1,0 +1,65 @@
+"""config/binopos.yaml lists all parameters: complete, commented, with the defaults."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from binopos_ros.bag.playback import PlayerOptions
+from binopos_ros.bag.recording import RecorderOptions
+from binopos_ros.capture.options import CaptureOptions
+from binopos_ros.cli.config import Parameters
+from binopos_ros.detection import DetectorOptions
+from binopos_ros.parameters import build, specs_of
+from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
+from binopos_ros.triangulation.options import TriangulatorOptions
+
+OPTIONS = {
+    'camera': [CaptureOptions],
+    'detector': [DetectorOptions],
+    'triangulator': [TriangulatorOptions],
+    'smoother': [SmootherOptions, filter_options_type('cloud-kalman')],
+    'player': [PlayerOptions],
+    'recorder': [RecorderOptions],
+}
+
+
+@pytest.fixture(scope='module')
+def path(project):
+    return project / 'config' / 'binopos.yaml'
+
+
+@pytest.mark.parametrize('node', OPTIONS)
+def test_every_parameter_stands_there_with_its_default(path, node):
+    specs = {}
+    for options_type in OPTIONS[node]:
+        specs |= specs_of(options_type)
+    values = Parameters(path).of_node(node)
+    unset = {name for name, spec in specs.items() if spec.default in (None, ())}
+    assert set(values) == set(specs) - unset
+    for name, value in values.items():
+        default = specs[name].default
+        assert value == (list(default) if isinstance(default, tuple) else default), name
+
+
+def test_parameters_without_a_default_stand_there_as_comments(path):
+    text = path.read_text()
+    for options_types in OPTIONS.values():
+        for options_type in options_types:
+            for name, spec in specs_of(options_type).items():
+                if spec.default in (None, ()):
+                    assert f'# {name.rpartition(".")[2]}:' in text, name
+
+
+def test_every_parameter_has_a_line_of_comment(path):
+    lines = path.read_text().splitlines()
+    for before, line in itertools.pairwise(lines):
+        name, colon, value = line.strip().partition(':')
+        if colon and value and not name.startswith('#'):
+            assert before.strip().startswith('#'), line
+
+
+def test_the_stages_can_be_built_from_it(path):
+    values = Parameters(path)
+    assert build(DetectorOptions, values.of_node('detector')) == DetectorOptions()
