@@ -164,10 +164,8 @@ class Triangulator:
             state = self._estimator.update(rig, *views, stamp=left.stamp * 1e-9)
             if not np.isfinite(state.point).all():
                 return Drop(left.stamp, state.reason)
-            rig = rig.with_target_index(state.mean)
-            residuals = np.hstack(rig.project(state.point)) - np.hstack(views[:2])
             index = Index(state.mean, state.std, state.observed, state.frame_index)
-            point, covariance = state.point, state.covariance
+            point, covariance, residuals = state.point, state.covariance, state.residuals
         else:
             found = triangulate(rig, *views, method=self._options.method)
             if found.reasons:
