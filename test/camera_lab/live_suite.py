@@ -31,6 +31,8 @@ from std_srvs.srv import SetBool
 from virtual_camera.camera import VirtualCamera
 from virtual_camera.usbip import free_ports
 
+from binopos_ros.capture.usb import find_cameras
+
 TOPICS = {
     'left/image_raw/compressed': CompressedImage,
     'right/image_raw/compressed': CompressedImage,
@@ -150,18 +152,25 @@ class Lab:
         mend: Callable[[], object],
         words: str = '',
     ) -> None:
-        """Bring a fault about, wait until the suite says so, mend it, and time the recovery."""
+        """Bring a fault about, wait until the suite says so, mend it, and time the recovery.
+
+        A camera that was unplugged is back once the kernel shows it: how long an emulated machine
+        takes over that is told apart.
+        """
         observer = self.observer
         inject()
         told = observer.spin(lambda: words in observer.said) if words else True
         said = observer.said
+        began = time.monotonic()
         mend()
+        observer.spin(self._all_shown, PATIENCE)
         mended = time.monotonic()
         to_image = observer.next(IMAGES[side], mended)
         to_pose = observer.next(POSE, mended)
         self.results[fault] = {
             'told': told,
             'said': said,
+            'seconds_to_mend': mended - began,
             'seconds_to_image': to_image,
             'seconds_to_pose': to_pose,
             'suite_alive': self.alive,
@@ -169,6 +178,10 @@ class Lab:
         print(fault, self.results[fault], flush=True)
         # All is well before the next fault.
         observer.spin(lambda: not words or words not in observer.said, 5.0)
+
+    def _all_shown(self) -> bool:
+        shown = {camera.serial for camera in find_cameras() if Path(camera.node).exists()}
+        return all(one.serial in shown for one in self.cameras.values() if one.port is not None)
 
     def missing_at_start(self) -> None:
         left, right = self.cameras.values()
@@ -226,8 +239,8 @@ class Lab:
             left.frozen = state
 
         self.recover('freeze', 'left', lambda: freeze(True), lambda: freeze(False), 'no frame for')
-        stall = {'stall': 20}
-        self.recover('stall', 'left', lambda: left.faults.update(stall), left.faults.clear)
+        left.faults['stall'] = 1 << 30
+        self.recover('stall', 'left', lambda: None, left.faults.clear, 'no frame for')
 
     def damaged(self) -> None:
         right = self.cameras['right']

@@ -61,6 +61,7 @@ class VirtualCamera:
 
     :param frames: JPEGs of one size.
     :ivar faults: how many of the next frames to spoil, by the kinds in `FAULTS`.
+    :ivar sent: how many frames it has sent to the end.
     :ivar frozen: while True it sends nothing, and says nothing.
     """
 
@@ -80,6 +81,7 @@ class VirtualCamera:
         self.rates = rates
         self.serial = serial
         self.faults: Counter[str] = Counter()
+        self.sent = 0
         self.frozen = False
         self._device = descriptors.device(vendor, product)
         self._configuration = descriptors.configuration(*size, rates)
@@ -229,6 +231,7 @@ class _Session:
             sent += len(part)
             last = _END_OF_FRAME if sent == len(picture) else 0
             self.link.complete(transfer, bytes([2, _END_OF_HEADER | flags | last]) + part)
+        self._camera.sent += 1
 
     def _next_transfer(self, stream: int) -> Transfer | None:
         if not self._wait(lambda: bool(self._waiting) or self._stream != stream):
