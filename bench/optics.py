@@ -10,17 +10,13 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import cv2
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.triangulation import triangulate
@@ -96,7 +92,7 @@ def opencv_triangulate(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def row(name: str, ours: float, peer: float | None, floor: float, count: int) -> None:
     """Print one line: points per second, and ratios."""
-    known = f'{count / peer:>12,.0f} {peer / ours:>9.0f}x' if peer else f'{"-":>12} {"-":>10}'
+    known = f'{count / peer:>12,.0f} {peer / ours:>9.3g}x' if peer else f'{"-":>12} {"-":>10}'
     print(f'{name:<34}{count / ours:>14,.0f} {known} {count / floor:>14,.0f}')
 
 

@@ -1,0 +1,213 @@
+"""A real tank: four planes of dots seen by two cameras through air, glass and water.
+
+Run as `python bench/multiplane.py [FOLDER]`, FOLDER being the OpenPTV multiplane example (see its
+SOURCE.md; the default is ../shared/data/openptv-multiplane). It prints the 3-D errors with the
+published calibration, the errors on a plane that the refit has not seen, and the refractive index
+left free with its uncertainty. The same functions serve `test/triangulation/test_multiplane.py`.
+
+The world frame is the dots' (z towards the cameras); lengths are metres.
+"""
+
+from __future__ import annotations
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+PROJECT = Path(__file__).resolve().parent.parent
+from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.triangulation import triangulate
+
+PIXEL = 0.00586e-3  # m
+SIZE = (1920, 1200)
+PLANES = (1, 2, 3, 4)
+AIR, GLASS, WATER = 1.0, 1.46, 1.33  # parameters/ptv.par
+NEAR_WATER, PANE = 0.006, 0.006  # the glass begins at z = 6 mm and is 6 mm thick, m
+FLIP = np.diag([1.0, -1.0, -1.0])  # OpenPTV's cameras look along -z with y up, ours along +z
+
+# How well such a tank is known at best: what is not in the dots' own scatter.
+PARALLELISM = np.radians(0.5)  # of the glass and the dots' planes
+SPACING = 0.01  # of the planes' 5 mm steps: 0.05 mm
+
+
+class Pose(NamedTuple):
+    """One camera: intrinsic matrix (px), rotation camera_from_world, centre (m)."""
+
+    matrix: np.ndarray
+    rotation: np.ndarray
+    centre: np.ndarray
+
+
+class Media(NamedTuple):
+    """What lies before the dots."""
+
+    water: float = WATER
+    bent: bool = True
+    lean: tuple[float, float] = (0.0, 0.0)  # of the glass about y and x, rad
+
+
+def published(folder: Path, camera: int) -> Pose:
+    """Return the calibration that comes with the data."""
+    numbers = np.array((folder / f'cal/cam{camera}.tif.ori').read_text().split(), dtype=float)
+    x, y, constant = 1e-3 * numbers[15:18]
+    focal = constant / PIXEL
+    matrix = [[focal, 0, 960 + x / PIXEL], [0, focal, 600 - y / PIXEL], [0, 0, 1]]
+    return Pose(np.array(matrix), FLIP @ numbers[6:15].reshape(3, 3).T, 1e-3 * numbers[:3])
+
+
+def dots(folder: Path, camera: int, planes: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the dots' pixels (N, 2) and places (N, 3), m."""
+    names = [folder / f'cal/plane{plane}_cam{camera}.tif' for plane in planes]
+    pixels = [np.loadtxt(f'{name}.crd')[:, 1:] for name in names]
+    places = [1e-3 * np.loadtxt(f'{name}.fix')[:, 1:] for name in names]
+    return np.vstack(pixels), np.vstack(places)
+
+
+def rig_of(left: Pose, right: Pose, media: Media) -> StereoRig:
+    """Return the rig of two cameras before the tank."""
+    down = np.array([*media.lean, -1.0])
+    down /= np.linalg.norm(down)
+    air_side = np.array([0.0, 0.0, NEAR_WATER + PANE])
+    surface = FlatInterface(
+        left.rotation @ down, (air_side - left.centre) @ down, (AIR, GLASS, media.water), (PANE,)
+    )
+    return StereoRig(
+        PinholeCamera(left.matrix, (), SIZE),
+        PinholeCamera(right.matrix, (), SIZE),
+        right.rotation @ left.rotation.T,
+        right.rotation @ (left.centre - right.centre),
+        surface if media.bent else None,
+    )
+
+
+def located(
+    folder: Path, poses: list[Pose], planes: tuple[int, ...], media: Media, method: str
+) -> np.ndarray:
+    """Triangulate the dots and return their errors in the world frame, (N, 3) m."""
+    (left, places), (right, _) = dots(folder, 1, planes), dots(folder, 2, planes)
+    points = triangulate(rig_of(*poses, media), left, right, method=method).points
+    return points @ poses[0].rotation + poses[0].centre - places
+
+
+def rms(errors: np.ndarray) -> float:
+    """Return the 3-D RMS, mm."""
+    return 1e3 * float(np.sqrt((errors**2).sum(axis=1).mean()))
+
+
+def refit(
+    folder: Path,
+    planes: tuple[int, ...],
+    media: Media,
+    free_index: bool = False,
+    spacing: float = 1.0,
+) -> tuple[list[Pose], float, float]:
+    """Fit both cameras' poses, camera constants and principal points to the dots.
+
+    Returns:
+        The cameras, the water's index, and its standard deviation if every dot errs on its own.
+
+    """
+    seen = [dots(folder, camera, planes) for camera in (1, 2)]
+    places = seen[0][1] * [1.0, 1.0, spacing]
+    start = [published(folder, camera) for camera in (1, 2)]
+    # At most 90 mrad apart from the start, so a rotation vector to multiply on is regular.
+    guess = np.zeros(19)
+    for at, pose in zip((3, 12), start, strict=True):
+        guess[at : at + 3] = pose.centre
+        guess[at + 3 : at + 6] = pose.matrix[[0, 0, 1], [0, 2, 2]]
+    guess[18] = media.water
+
+    def poses(x: np.ndarray) -> list[Pose]:
+        found = []
+        for (first, last), pose in zip(pairwise((0, 9, 18)), start, strict=True):
+            turn, centre, (focal, u, v) = np.split(x[first:last], 3)
+            matrix = np.array([[focal, 0, u], [0, focal, v], [0, 0, 1]])
+            found.append(Pose(matrix, cv2.Rodrigues(turn)[0] @ pose.rotation, centre))
+        return found
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        left, right = poses(x)
+        index = float(x[18]) if free_index else media.water
+        rig = rig_of(left, right, media._replace(water=index))
+        points = (places - left.centre) @ left.rotation.T
+        pixels = zip(rig.project(points), seen, strict=True)
+        return np.concatenate([(image - dot).ravel() for image, (dot, _) in pixels])
+
+    # Without the index its column is zero, which least_squares' own scaling takes.
+    fit = least_squares(residuals, guess, x_scale='jac', xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    free = slice(None) if free_index else slice(0, 18)
+    variance = (fit.fun**2).sum() / (len(fit.fun) - 19)
+    spread = np.linalg.inv(fit.jac[:, free].T @ fit.jac[:, free]) * variance
+    deviation = float(np.sqrt(spread[18, 18])) if free_index else 0.0
+    return poses(fit.x), float(fit.x[18]), deviation
+
+
+class FreeIndex(NamedTuple):
+    """The water's index left free, and what its uncertainty is made of (standard deviations)."""
+
+    index: float
+    dots: float  # every dot erring on its own
+    planes: float  # every plane erring as one: jackknife over the planes
+    parallelism: float
+    spacing: float
+
+    @property
+    def deviation(self) -> float:
+        """The whole of it; the planes' share contains the dots'."""
+        return float(np.linalg.norm([self.planes, self.parallelism, self.spacing]))
+
+
+def free_index(folder: Path) -> FreeIndex:
+    """Leave the water's index free in the refit to all planes."""
+
+    def index(
+        planes: tuple[int, ...] = PLANES, media: Media | None = None, spacing: float = 1.0
+    ) -> tuple[float, float]:
+        return refit(folder, planes, media or Media(), True, spacing)[1:]
+
+    best, own = index()
+    left_out = [index(tuple(p for p in PLANES if p != out))[0] for out in PLANES]
+    share = len(PLANES) - 1
+    leans = [
+        index(media=Media(lean=lean))[0] - best
+        for lean in ((PARALLELISM, 0.0), (0.0, PARALLELISM))
+    ]
+    return FreeIndex(
+        best,
+        own,
+        float(np.sqrt(share * np.var(left_out))),
+        float(np.linalg.norm(leans)),
+        abs(index(spacing=1.0 + SPACING)[0] - best),
+    )
+
+
+def main() -> None:
+    """Print the tables."""
+    default = PROJECT.parent / 'shared' / 'data' / 'openptv-multiplane'
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default
+    poses = [published(folder, camera) for camera in (1, 2)]
+    print('3-D RMS of 1620 dots, mm            published calibration')
+    for name, method in (
+        ('bent', 'refractive'),
+        ("the paper's", 'paper'),
+        ('straight', 'straight'),
+    ):
+        print(f'  {name:<33}{rms(located(folder, poses, PLANES, Media(), method)):.3f}')
+    print('refit on planes 1, 2, 4             plane 3, unseen')
+    for name, media in (('bent', Media()), ('pinhole', Media(bent=False))):
+        fitted = refit(folder, (1, 2, 4), media)[0]
+        print(f'  {name:<33}{rms(located(folder, fitted, (3,), media, "refractive")):.3f}')
+    found = free_index(folder)
+    print(f'water index left free               {found.index:.4f} +- {found.deviation:.4f}')
+    for name, value in found._asdict().items():
+        if name != 'index':
+            print(f'  share of {name:<24}{value:.4f}')
+
+
+if __name__ == '__main__':
+    main()
