@@ -22,6 +22,7 @@ from binopos_ros.calibration.files import (
 )
 from binopos_ros.calibration.gather import find_boards, name_other_board
 from binopos_ros.calibration.interface import calibrate_interface
+from binopos_ros.calibration.pairing import FEWEST_PAIRS
 from binopos_ros.calibration.priors import guesses_from, parse_numbers
 from binopos_ros.calibration.report import interface_report, stereo_report
 from binopos_ros.calibration.sources import Pictures, folder_pair, open_pictures
@@ -274,15 +275,14 @@ def _search(
 ) -> tuple[list[BoardPair], tuple[tuple[int, int], tuple[int, int]]]:
     with _progress('searching for the board', len(pictures.pairs)) as tick:
         pairs, sizes = find_boards(pictures.pairs, board, window, tick)
-    if not any(pair.left or pair.right for pair in pairs):
-        other = name_other_board(pictures.pairs[0].left(), board)
-        hint = (
-            f'; in the first picture there is one of {other.columns}x{other.rows}' if other else ''
-        )
-        raise CalibrationError(
-            f'no {board} in any of {len(pairs)} pairs{hint}: check the board given (a chessboard '
-            'counts its inner corners), and the light'
-        )
+    blank = [i for i, pair in enumerate(pairs) if not pair.complete]
+    if len(pairs) - len(blank) < FEWEST_PAIRS and blank:
+        other = name_other_board(pictures.pairs[blank[0]].left(), board)
+        if other is not None:
+            raise CalibrationError(
+                f'{pairs[blank[0]].name}: no {board}, but one of {other.columns}x{other.rows} is '
+                'there: give the board its right size (a chessboard counts its inner corners)'
+            )
     return pairs, sizes
 
 
@@ -330,7 +330,8 @@ def _progress(what: str, total: int) -> Iterator[Callable[[], None]]:
         yield count
         line.end()
         return
-    with tqdm(total=total, desc=what, unit='pair') as bar:
+    # Into a file or a pipe a bar is noise.
+    with tqdm(total=total, desc=what, unit='pair', disable=None) as bar:
         yield lambda: bar.update() and None
 
 

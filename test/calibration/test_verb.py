@@ -1,0 +1,209 @@
+"""`binopos calibrate` as typed: from rendered pictures to positions, and what it refuses."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from binopos_ros.bag import BagReader, BagWriter, messages
+from binopos_ros.cli import main
+from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
+
+
+def words(text: str, **paths: object) -> list[str]:
+    return text.format(**paths).split()
+
+
+@pytest.fixture(scope='module')
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Bags of boards in air and in water, and of the washbowl, all of the same rig."""
+    folder = tmp_path_factory.mktemp('world')
+    for line in (
+        'simulate -o {at}/dry --preset demo --board 9x6 --square 0.025 --air --pairs 14 --rate 2',
+        'simulate -o {at}/wet --preset demo --board 9x6 --square 0.025 --pairs 9 --rate 2',
+        'simulate -o {at}/bowl --preset demo --pairs 30 --seed 5',
+    ):
+        assert main(words(line, at=folder)) == 0
+    return folder
+
+
+@pytest.fixture(scope='module')
+def calibrated(world: Path) -> Path:
+    """The folder of `calibrate interface` after `calibrate stereo`."""
+    line = 'calibrate stereo {at}/dry --square 0.025 -o {at}/cal'
+    assert main(words(line, at=world)) == 0
+    line = 'calibrate interface {at}/wet --square 0.025 --calibration {at}/cal'
+    assert main(words(line, at=world)) == 0
+    return world / 'cal' / 'interface'
+
+
+def replace_camera_info(source: Path, folder: Path, target: Path) -> None:
+    """Copy a bag with the calibration of a folder in place of its own."""
+    infos = {side: read_camera_info(folder / f'{side}.yaml') for side in ('left', 'right')}
+    with BagReader(source) as reader, BagWriter(target) as writer:
+        for topic, info in reader.topics.items():
+            writer.add_topic(topic, info.type)
+        for record in reader.messages():
+            data: object = record.data
+            if record.topic.endswith('camera_info'):
+                old = reader.decode(record)
+                side = record.topic.split('/')[-2]
+                stamp = messages.stamp_of(old)
+                data = messages.camera_info(stamp, old.header.frame_id, infos[side])
+            writer.write(record.topic, record.stamp_ns, data)
+
+
+def position_rms(text: str) -> float:
+    found = re.search(r'target/position against truth, RMS +([\d.]+) mm', text)
+    assert found is not None
+    return float(found[1])
+
+
+def test_from_pictures_to_positions(
+    world: Path, calibrated: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    replace_camera_info(world / 'bowl', calibrated, world / 'bowl2')
+    assert main(words('process {at}/bowl -o {at}/true.mcap', at=world)) == 0
+    with_truth = position_rms(capsys.readouterr().out)
+    line = 'process {at}/bowl2 -o {at}/own.mcap --config {cal}/interface.yaml'
+    assert main(words(line, at=world, cal=calibrated)) == 0
+    assert position_rms(capsys.readouterr().out) < 1.5 * with_truth
+
+
+def test_rendered_rig_is_recovered(world: Path, calibrated: Path) -> None:
+    found, truth = (
+        stereo_from_camera_infos(
+            *(read_camera_info(folder / f'{side}.yaml') for side in ('left', 'right'))
+        )
+        for folder in (calibrated, world / 'dry')
+    )
+    assert found[0].matrix[0, 0] == pytest.approx(truth[0].matrix[0, 0], rel=2e-3)
+    np.testing.assert_allclose(found[3], truth[3], atol=5e-4)
+
+
+def test_the_calibration_holds_in_operation(
+    world: Path, calibrated: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = 'calibrate check {at}/bowl --calibration {cal} --config {cal}/interface.yaml'
+    assert main(words(line, at=world, cal=calibrated)) == 0
+    assert 'the calibration holds' in capsys.readouterr().out
+
+
+def test_reports_hold_their_pictures(world: Path, calibrated: Path) -> None:
+    pytest.importorskip('matplotlib')
+    for path, pictures in ((world / 'cal' / 'stereo.html', 5), (calibrated / 'interface.html', 5)):
+        text = path.read_text(encoding='utf-8')
+        assert text.count('data:image/png;base64,') == pictures
+        assert 'Next:' in text
+        assert 'http' not in text
+
+
+def test_a_second_run_keeps_the_air_calibration(
+    world: Path, calibrated: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = 'calibrate interface {at}/wet --square 0.025 --calibration {at}/cal -o {at}/cal'
+    assert main(words(line, at=world)) == 2
+    assert 'would overwrite the calibration in air' in capsys.readouterr().err
+
+
+def test_a_ruler_is_enough(
+    world: Path, calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = 'calibrate interface --calibration {at}/cal -o {out} --prior distance=0.8,0.004'
+    assert main(words(line, at=world, out=tmp_path)) == 0
+    assert 'determined by what you measured to 4 mm' in capsys.readouterr().out
+    assert 'distance: 0.8' in (tmp_path / 'interface.yaml').read_text()
+
+
+def test_a_target_of_known_size_is_enough(
+    world: Path, calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = (
+        'calibrate interface {at}/bowl --calibration {at}/cal -o {out} --target-diameter 0.06 '
+        '--prior target_index=1.333,0.001'
+    )
+    assert main(words(line, at=world, out=tmp_path)) == 0
+    assert 'The distance of the surface' in capsys.readouterr().out
+
+
+def line_of(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(arguments) == 2
+    error = capsys.readouterr().err.splitlines()
+    assert len(error) == 1
+    assert error[0].startswith('binopos calibrate: ')
+    return error[0]
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'line'),
+    [
+        ('calibrate stereo {data}', '--square is missing'),
+        ('calibrate stereo {data} --square 25', 'millimetres were given'),
+        ('calibrate stereo {data} --square 0.025 --board 9', 'as 9x6'),
+        ('calibrate stereo --square 0.025', 'give SOURCE'),
+        ('calibrate stereo {tmp}/none --square 0.025', 'does not exist'),
+        ('calibrate stereo {tmp} --square 0.025', 'no left pictures'),
+        ('calibrate interface --calibration {tmp}', 'holds no left.yaml'),
+        ('calibrate check {tmp}/none', 'none'),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: str,
+    line: str,
+    shared_data: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    data = shared_data / 'opencv-stereo-samples'
+    assert line in line_of(words(arguments, data=data, tmp=tmp_path), capsys)
+
+
+def test_another_board_is_named(
+    samples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ('left01.jpg', 'right01.jpg', 'left03.jpg', 'right03.jpg'):
+        (tmp_path / name).write_bytes((samples / name).read_bytes())
+    line = line_of(words('calibrate stereo {at} --square 0.025 --board 9x7', at=tmp_path), capsys)
+    assert 'no 9x7 chessboard' in line
+    assert 'one of 9x6 is there' in line
+
+
+def test_mixed_picture_sizes_are_named(
+    samples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for path in sorted(samples.glob('*0[1-5].jpg')):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    small = cv2.resize(cv2.imread(str(samples / 'left03.jpg')), (320, 240))
+    cv2.imwrite(str(tmp_path / 'left03.jpg'), small)
+    line = line_of(words('calibrate stereo {at} --square 0.025', at=tmp_path), capsys)
+    assert 'left03.jpg' in line
+    assert '320x240' in line
+    assert 'use one resolution' in line
+
+
+@pytest.mark.parametrize(
+    ('words_', 'line'),
+    [
+        ('--prior distance', 'NAME=VALUE,SD'),
+        ('--prior distance=0.8', 'NAME=VALUE,SD'),
+        ('--prior distance=0.8,x', 'numbers with commas'),
+        ('--prior distance=0.8,0', 'above 0'),
+        ('--prior depth=0.8,0.1', "no 'depth'"),
+        ('--prior thicknesses.0=0.006,0.001', 'there is no thicknesses.0'),
+        ('--prior left_port.distance=0.1,0.01', 'add --ports'),
+        ('--indices 1.0,1.5,1.33', 'one index per medium'),
+        ('--indices 1.0,9.0 --prior distance=0.8,0.1', 'no refractive index'),
+        ('--target-diameter 60', 'needs a bag'),
+        ('', 'measured by hand'),
+    ],
+)
+def test_bad_priors_are_one_line(
+    world: Path, calibrated: Path, words_: str, line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = words('calibrate interface --calibration {at}/cal', at=world) + words_.split()
+    capsys.readouterr()
+    assert line in line_of(arguments, capsys)
