@@ -19,9 +19,10 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-PROJECT = Path(__file__).resolve().parent.parent
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.triangulation import triangulate
+
+PROJECT = Path(__file__).resolve().parent.parent
 
 PIXEL = 0.00586e-3  # m
 SIZE = (1920, 1200)
