@@ -140,6 +140,7 @@ def frame_index(
     same_plane = np.abs(twist) <= PARALLEL_SINE * left_sine * right_sine
     equally_far = np.abs(difference) <= PARALLEL_SINE * (left_ratio + right_ratio)
     largest = np.maximum(left_sine, right_sine) * index
+    _give(reasons, np.isnan(twist), NO_RAY)
     _give(reasons, same_plane, _ONE_PLANE)
     _give(reasons, (left_lateral < 0) | (right_lateral < 0), BEHIND)
     _give(reasons, (left_run <= 0) | (right_run <= 0), _NOT_BELOW)

@@ -157,6 +157,23 @@ def test_frame_index_is_the_true_one_wherever_the_target_can_tell(index, glass, 
     assert found[0] == pytest.approx(index, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ('left', 'right', 'reason'),
+    [
+        ((np.nan, 479.5), (500, 479.5), NO_RAY),
+        ((500.0, 379.5), (600.0, 389.5), BEHIND),
+        ((700.0, 579.5), (200.0, 679.5), 'target is not beyond the interface'),
+        ((800.0, 700.0), (680.0, 650.0), 'no index makes the refracted rays meet'),
+    ],
+)
+def test_a_pair_without_an_index_has_a_reason_and_is_nan(left, right, reason):
+    good = rig_with(WATER).project([0.4, 0.2, 1.2])
+    index, reasons = frame_index(rig_with(WATER), [left, good[0]], [right, good[1]])
+    assert reasons.tolist() == [reason, '']
+    assert np.isnan(index[0])
+    assert index[1] == pytest.approx(1.33, abs=1e-6)
+
+
 def test_frame_index_is_not_observable_equally_far_from_both_cameras():
     rig = rig_with(WATER)
     points = equally_far(rig, WATER.normal, [0.9, 1.0, 1.3], [0.1, 0.2, -0.3])
