@@ -37,11 +37,12 @@ from binopos_ros.bag.chunks import (
 from binopos_ros.bag.errors import BagError
 
 MAGIC = b'\x89MCAP0\r\n'
+#: Of a chunk: first and last time, size, checksum, length of the compression's name.
+CHUNK_HEAD = struct.Struct('<QQQII')
 
 #: A run of messages outside chunks is read in stretches of about this many bytes.
 _LOOSE_SPAN_BYTES = 1 << 20
 _RECORD_LIMIT = 4 << 30
-_CHUNK_HEAD = struct.Struct('<QQQII')  # start, end, size, crc, length of the compression's name
 _FOOTER = struct.Struct('<BQQQI')  # head, start of the summary and of its offsets, checksum
 _CRC_BYTES = 4
 _MESSAGE_INDEX_HEAD = struct.Struct('<HI')  # channel, bytes of its entries
@@ -133,10 +134,10 @@ def read_span(path: Path, span: Span) -> list[RawMessage]:
 def _chunk_records(data: bytes, *, torn: bool) -> bytes:
     """Records inside a chunk record (its head included)."""
     start = RECORD_HEAD.size
-    if len(data) < start + _CHUNK_HEAD.size:
+    if len(data) < start + CHUNK_HEAD.size:
         return b''
-    _, _, size, crc, name_length = _CHUNK_HEAD.unpack_from(data, start)
-    start += _CHUNK_HEAD.size
+    _, _, size, crc, name_length = CHUNK_HEAD.unpack_from(data, start)
+    start += CHUNK_HEAD.size
     compression = data[start : start + name_length].decode('ascii', 'replace')
     start += name_length + 8
     content = data[start:]
@@ -263,7 +264,7 @@ class _Scan:
             self._finish_chunk()
         self.stream.seek(position + RECORD_HEAD.size)
         if opcode == Opcode.CHUNK:
-            start_ns, end_ns, *_ = _CHUNK_HEAD.unpack(self.stream.read(_CHUNK_HEAD.size))
+            start_ns, end_ns, *_ = CHUNK_HEAD.unpack(self.stream.read(CHUNK_HEAD.size))
             self.chunk = Span(start_ns, end_ns, position, end - position, 'chunk')
         elif opcode == Opcode.MESSAGE_INDEX and self.chunk is not None:
             channel_id, entries = _MESSAGE_INDEX_HEAD.unpack(

@@ -22,7 +22,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -34,13 +33,15 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from binopos_ros.bag.chunks import RECORD_HEAD
 from binopos_ros.bag.errors import BagError
-from binopos_ros.bag.index import MAGIC
+from binopos_ros.bag.index import CHUNK_HEAD, MAGIC
 
 COMPRESSIONS = ('none', 'zstd', 'lz4')
 
 _MESSAGE = struct.Struct('<BQHIQQ')  # opcode, length, channel, sequence, log time, publish time
 _MESSAGE_FIELDS = 22  # bytes of a message record before its data
+_DATA_LENGTH = struct.Struct('<Q')
 _FOOTER_CRC = struct.Struct('<BQQQ')
 
 
@@ -119,7 +120,7 @@ class McapFile:
             raise BagError(message) from error
         try:
             head = MAGIC + _bytes_of(Header('ros2', library))
-            self._commit(head, _Written(end=len(head)))
+            self._commit([head], _Written(end=len(head)))
         except BagError:
             os.close(self._descriptor)
             raise
@@ -207,7 +208,7 @@ class McapFile:
         self._commit(
             block,
             _Written(
-                end=written.end + len(block),
+                end=written.end + sum(map(len, block)),
                 index_end=len(self._chunk_indexes),
                 chunks=written.chunks + 1,
                 messages=written.messages + pending.count,
@@ -227,7 +228,7 @@ class McapFile:
             self.flush()
             if not self._whole:
                 self._always_whole = True
-                self._commit(b'', self._written)
+                self._commit([], self._written)
         finally:
             os.close(self._descriptor)
 
@@ -236,25 +237,29 @@ class McapFile:
         self._pending.add(declared[-1])
         self._whole = False
 
-    def _chunk_block(self, pending: _Pending) -> bytes:
+    def _chunk_block(self, pending: _Pending) -> list[bytes]:
         """The chunk with its message indexes; its chunk index is kept for the summary."""
         records = b''.join(pending.records)
         data = _compress(records, self._compression)
-        chunk = Chunk(
-            self._compression,
-            data,
-            message_end_time=pending.end_ns,
-            message_start_time=pending.start_ns,
-            uncompressed_crc=zlib.crc32(records),
-            uncompressed_size=len(records),
+        name = self._compression.encode()
+        fields = CHUNK_HEAD.pack(
+            pending.start_ns, pending.end_ns, len(records), zlib.crc32(records), len(name)
         )
-        builder = RecordBuilder()
-        chunk.write(builder)
-        chunk_length = builder.count
+        content_length = len(fields) + len(name) + _DATA_LENGTH.size + len(data)
+        head = b''.join(
+            (
+                RECORD_HEAD.pack(Opcode.CHUNK, content_length),
+                fields,
+                name,
+                _DATA_LENGTH.pack(len(data)),
+            )
+        )
+        chunk_length = len(head) + len(data)
+        indexes = RecordBuilder()
         offsets: dict[int, int] = {}
         for channel_id, index in pending.index.items():
-            offsets[channel_id] = self._written.end + builder.count
-            index.write(builder)
+            offsets[channel_id] = self._written.end + chunk_length + indexes.count
+            index.write(indexes)
         self._chunk_indexes += _bytes_of(
             ChunkIndex(
                 chunk_length=chunk_length,
@@ -262,15 +267,15 @@ class McapFile:
                 compression=self._compression,
                 compressed_size=len(data),
                 message_end_time=pending.end_ns,
-                message_index_length=builder.count - chunk_length,
+                message_index_length=indexes.count,
                 message_index_offsets=offsets,
                 message_start_time=pending.start_ns,
                 uncompressed_size=len(records),
             )
         )
-        return builder.end()
+        return [head, data, indexes.end()]
 
-    def _commit(self, block: bytes, after: _Written) -> None:
+    def _commit(self, block: list[bytes], after: _Written) -> None:
         """Append a block in place of the old summary, so that `after` holds; or change nothing."""
         before = self._written
         self._written = after
@@ -278,14 +283,15 @@ class McapFile:
             if not self._always_whole:
                 # The summary that followed a full disk may be longer than what replaces it.
                 os.ftruncate(self._descriptor, before.end)
-            self._write(before.end, block + (self._summary() if self._always_whole else b''))
+            summary = [self._summary()] if self._always_whole else []
+            self._write(before.end, [*block, *summary])
         except OSError as error:
             self._written = before
             del self._chunk_indexes[before.index_end :]
             # The old summary fitted before, so it fits again.
             with contextlib.suppress(OSError):
                 os.ftruncate(self._descriptor, before.end)
-                self._write(before.end, self._summary())
+                self._write(before.end, [self._summary()])
             self._whole = True
             lost = after.messages - before.messages
             full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -297,13 +303,16 @@ class McapFile:
             raise BagError(message) from error
         self._whole = self._always_whole
 
-    def _write(self, offset: int, data: bytes) -> None:
+    def _write(self, offset: int, parts: list[bytes]) -> None:
         # In one call: between two, a recorder that is killed would leave a file without summary.
-        view = memoryview(data)
-        while view:
-            count = os.pwrite(self._descriptor, view, offset)
+        left = [memoryview(part) for part in parts]
+        while left:
+            count = os.pwritev(self._descriptor, left, offset)
             offset += count
-            view = view[count:]
+            while left and count >= len(left[0]):
+                count -= len(left.pop(0))
+            if left:
+                left[0] = left[0][count:]
 
     def _summary(self) -> bytes:
         """Everything that follows the data section."""

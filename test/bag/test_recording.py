@@ -80,14 +80,14 @@ def test_a_finished_recording_holds_everything(tmp_path: Path) -> None:
 def test_a_full_disk_ends_the_recording_with_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write = os.pwrite
+    write = os.pwritev
 
-    def limited(descriptor: int, data: memoryview, offset: int) -> int:
-        if offset + len(data) > 100_000:
+    def limited(descriptor: int, parts: list[memoryview], offset: int) -> int:
+        if offset + sum(map(len, parts)) > 100_000:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(descriptor, data, offset)
+        return write(descriptor, parts, offset)
 
-    monkeypatch.setattr(os, 'pwrite', limited)
+    monkeypatch.setattr(os, 'pwritev', limited)
     recording = Recording(RecorderOptions(bag=str(tmp_path / 'bag')))
     recording.add_topic('/a', STRING)
     number = 0
@@ -112,16 +112,16 @@ def test_a_disk_that_stalls_costs_messages_but_no_memory(
 ) -> None:
     monkeypatch.setattr('binopos_ros.bag.recording.QUEUE_BYTES', 10_000)
     stalled, released = [], []
-    write = os.pwrite
+    write = os.pwritev
 
-    def stall(descriptor: int, data: memoryview, offset: int) -> int:
-        if len(data) > 5000:
+    def stall(descriptor: int, parts: list[memoryview], offset: int) -> int:
+        if sum(map(len, parts)) > 5000:
             stalled.append(True)
             while not released:
                 time.sleep(0.001)
-        return write(descriptor, data, offset)
+        return write(descriptor, parts, offset)
 
-    monkeypatch.setattr(os, 'pwrite', stall)
+    monkeypatch.setattr(os, 'pwritev', stall)
     monkeypatch.setattr('binopos_ros.bag.recording.FLUSH_PERIOD', 0.01)
     recording = Recording(RecorderOptions(bag=str(tmp_path / 'bag')))
     recording.add_topic('/a', STRING)

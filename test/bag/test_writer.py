@@ -312,14 +312,14 @@ def test_a_full_disk_costs_only_what_did_not_fit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, crash_safe: bool
 ) -> None:
     room = 20_000
-    write = os.pwrite
+    write = os.pwritev
 
-    def limited(descriptor: int, data: memoryview, offset: int) -> int:
+    def limited(descriptor: int, parts: list[memoryview], offset: int) -> int:
         if offset >= room:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(descriptor, data[: room - offset], offset)
+        return write(descriptor, [b''.join(parts)[: room - offset]], offset)
 
-    monkeypatch.setattr(os, 'pwrite', limited)
+    monkeypatch.setattr(os, 'pwritev', limited)
     path = tmp_path / 'bag'
     writer = BagWriter(path, chunk_bytes=2000, crash_safe=crash_safe)
     writer.add_topic('/a', STRING)

@@ -1,0 +1,165 @@
+"""Bags beside the libraries that also read and write them, in one run.
+
+    python bench/bags.py [--pairs 300] [--bytes 200000]
+
+Reads and decodes a bag of JPEG pairs, and writes it; each figure is the best of five. Peak memory
+is that of reading, over what the process took before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+from rosbags.rosbag2 import Reader, StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+
+from binopos_ros.bag import BagReader, BagWriter, messages
+from binopos_ros.bag.definitions import definition_of, jazzy
+
+TOPICS = ('/stereo/left/image_raw/compressed', '/stereo/right/image_raw/compressed')
+REPEATS = 5
+START, PERIOD = 1_700_000_000_000_000_000, 33_333_333
+
+Message = tuple[str, int, bytes]
+
+
+def pairs(count: int, size: int) -> list[Message]:
+    random = np.random.default_rng(0)
+    jpeg = random.bytes(size)
+    found = []
+    for number in range(count):
+        stamp = START + number * PERIOD
+        for topic in TOPICS:
+            image = messages.compressed_image(stamp, 'camera', jpeg)
+            found.append((topic, stamp, bytes(jazzy().serialize_cdr(image, image.__msgtype__))))
+    return found
+
+
+def write_ours(path: Path, given: list[Message], *, crash_safe: bool = False) -> None:
+    with BagWriter(path, crash_safe=crash_safe) as writer:
+        for topic in TOPICS:
+            writer.add_topic(topic, messages.COMPRESSED_IMAGE)
+        for topic, stamp, data in given:
+            writer.write(topic, stamp, data)
+
+
+def write_crash_safe(path: Path, given: list[Message]) -> None:
+    write_ours(path, given, crash_safe=True)
+
+
+def write_mcap(path: Path, given: list[Message]) -> None:
+    with path.open('wb') as stream:
+        writer = Writer(stream, compression=CompressionType.NONE)
+        writer.start('ros2')
+        text = definition_of(messages.COMPRESSED_IMAGE).text.encode()
+        schema = writer.register_schema(messages.COMPRESSED_IMAGE, 'ros2msg', text)
+        channels = {topic: writer.register_channel(topic, 'cdr', schema) for topic in TOPICS}
+        for topic, stamp, data in given:
+            writer.add_message(channels[topic], stamp, data, stamp)
+        writer.finish()
+
+
+def write_rosbags(path: Path, given: list[Message]) -> None:
+    with RosbagsWriter(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = {
+            topic: writer.add_connection(topic, messages.COMPRESSED_IMAGE, typestore=jazzy())
+            for topic in TOPICS
+        }
+        for topic, stamp, data in given:
+            writer.write(connections[topic], stamp, data)
+
+
+def read_ours(path: Path) -> int:
+    with BagReader(path) as reader:
+        return sum(reader.decode(record).data.size for record in reader.messages())
+
+
+def read_rosbags(path: Path) -> int:
+    with Reader(path) as reader:
+        return sum(
+            jazzy().deserialize_cdr(data, connection.msgtype).data.size
+            for connection, _, data in reader.messages()
+        )
+
+
+def read_mcap(path: Path) -> int:
+    (file,) = path.glob('*.mcap')
+    with file.open('rb') as stream:
+        return sum(
+            jazzy().deserialize_cdr(message.data, schema.name).data.size
+            for schema, _, message in make_reader(stream).iter_messages()
+            if schema is not None
+        )
+
+
+def best(work: Callable[[], object]) -> float:
+    times = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def peak(work: Callable[[], object]) -> float:
+    tracemalloc.start()
+    work()
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return most / 1e6
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--pairs', type=int, default=300)
+    parser.add_argument('--bytes', type=int, default=200_000, help='of each image')
+    arguments = parser.parse_args()
+    given = pairs(arguments.pairs, arguments.bytes)
+    megabytes = sum(len(data) for _, _, data in given) / 1e6
+    folder = Path(tempfile.mkdtemp(prefix='binopos_bench_'))
+    try:
+        print(f'{len(given)} images of {arguments.bytes} bytes, {megabytes:.0f} MB\n')
+        bag = folder / 'bag'
+        write_ours(bag, given)
+        print('| reading and decoding | time, s | ratio to ours | peak memory, MB |')
+        print('|---|---|---|---|')
+        readers = {'ours': read_ours, 'rosbags': read_rosbags, 'mcap': read_mcap}
+        times = {name: best(lambda read=read: read(bag)) for name, read in readers.items()}
+        for name, seconds in times.items():
+            memory = peak(lambda name=name: readers[name](bag))
+            ratio = seconds / times['ours']
+            print(f'| {name} | {seconds:.3f} | {ratio:.2f} | {memory:.1f} |')
+        print('\n| writing | time, s | ratio to ours |')
+        print('|---|---|---|')
+        writers = {
+            'ours': write_ours,
+            'ours, whole after every chunk': write_crash_safe,
+            'rosbags': write_rosbags,
+            'mcap': write_mcap,
+        }
+        written = {}
+        for name, write in writers.items():
+
+            def once(write: Callable[[Path, list[Message]], None] = write) -> None:
+                path = folder / 'new'
+                write(path, given)
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+            written[name] = best(once)
+        for name, seconds in written.items():
+            print(f'| {name} | {seconds:.3f} | {seconds / written["ours"]:.2f} |')
+    finally:
+        shutil.rmtree(folder)
+
+
+if __name__ == '__main__':
+    main()
