@@ -54,15 +54,16 @@ def main() -> None:
         )
         options = options_at(name, place)
         if name == 'cloud-kalman':
-            options['covariance_scale'] = calibrated(options, trials)
+            options['covariance_scale'] = calibrated(options)
         save(name, options)
         seconds = time.perf_counter() - began
         print(f'{name}: {value:.4f} in {seconds:.0f} s: {options}', flush=True)
 
 
-def calibrated(options: dict[str, float], trials: Series[Sequence]) -> float:
-    """Return the factor on the covariance that makes the training's mean NEES 1."""
-    tracks = run_together(make_filter('cloud-kalman', **options), trials)
+def calibrated(options: dict[str, float]) -> float:
+    """Return the factor on the covariance that makes the mean NEES of 200 training trials 1."""
+    smoother = make_filter('cloud-kalman', **{**options, 'covariance_scale': 1.0})
+    tracks = run_together(smoother, training_set(200))
     return float(f'{np.mean([track.normalised_squared_errors for track in tracks]):.3g}')
 
 

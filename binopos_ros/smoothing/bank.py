@@ -1,4 +1,4 @@
-"""A bank of Kalman filters under three hypotheses of the target's motion, and the waves' share.
+"""A bank of Kalman filters: hypotheses of the target's motion, each with slow or quick waves.
 
 Per axis the state is (p, v, a, s, u): position, velocity and acceleration of the target, and the
 waves' oscillator (see :mod:`binopos_ros.smoothing.wave`) of which u adds to what is measured. The
@@ -8,6 +8,9 @@ still    p wanders very slowly, v = a = 0
 steady   v wanders slowly, a = 0
 turning  a is a Gauss-Markov process (Singer, "Estimating optimal tracking filter performance for
          manned maneuvering targets", IEEE TAES 6(4), 1970)
+
+Each comes with the waves' oscillator at either of two frequencies, whose bands overlap: slow waves
+that are taken for quick ones would be followed as motion.
 
 The hypotheses interact as in Blom & Bar-Shalom 1988 (see opponents/multiple_models.py), with one
 addition: a target that leaves a hypothesis without velocity or acceleration may have any that is
@@ -27,8 +30,12 @@ from binopos_ros.smoothing.motion import Seconds
 
 Array = NDArray[np.float64]
 
-STILL, STEADY, TURNING = range(3)
-MODELS = 3
+MOTIONS = 3
+WAVES = 2
+#: Hypotheses: each motion with each of the waves.
+MODELS = MOTIONS * WAVES
+STILL, STEADY, TURNING = (slice(number * WAVES, (number + 1) * WAVES) for number in range(MOTIONS))
+MOVING = slice(WAVES, MODELS)
 SIZE = 5
 P, V, A, S, U = range(SIZE)
 _FLAT = 3 * SIZE * SIZE
@@ -36,6 +43,9 @@ _FLAT = 3 * SIZE * SIZE
 _LEAST_WEIGHT = 1e-12
 _ORDERS = np.arange(1, 6)
 _EYE2 = np.eye(2)
+_SAME_WAVES, _SAME_MOTION = np.eye(WAVES), np.eye(MOTIONS)
+_OTHER_WAVES = (1.0 - _SAME_WAVES) / (WAVES - 1)
+_OTHER_MOTION = (1.0 - _SAME_MOTION) / (MOTIONS - 1)
 
 
 class Hypotheses(NamedTuple):
@@ -65,9 +75,11 @@ class Motion:
     steady_density: float
     turn_acceleration: float
     turn_time: float
+    first_speed: float
     start_speed: float
     dwells: tuple[float, float, float]
-    wave_frequency: float
+    wave_frequencies: tuple[float, float]
+    wave_dwell: float
     wave_damping: float
 
 
@@ -83,12 +95,10 @@ class Bank:
         self._transition_basis = _transition_basis(motion)
         self._noise_basis = _noise_basis(motion)
         self._entry = _entry(motion)
-        self._stay = np.eye(MODELS)
-        self._leave = (1.0 - self._stay) / (MODELS - 1)
-        omega = 2.0 * math.pi * motion.wave_frequency
-        spin = complex(-motion.wave_damping, _damped(motion)) * omega
-        rates = [-1.0 / dwell for dwell in motion.dwells]
-        self._exponents = np.array([-1.0 / motion.turn_time, spin, *rates])
+        turn = complex(-motion.wave_damping, _damped(motion)) * 2.0 * math.pi
+        spins = [turn * frequency for frequency in motion.wave_frequencies]
+        rates = [-1.0 / dwell for dwell in (motion.turn_time, motion.wave_dwell, *motion.dwells)]
+        self._exponents = np.array([*spins, *rates])
 
     def start(self, position: Array, variance: Array, wave: Array) -> Hypotheses:
         """Return the bank after a first position (..., 3) along the axes.
@@ -103,7 +113,7 @@ class Bank:
         covariances[..., P, P] = variance[..., None, :] + wave
         covariances[..., S, S] = covariances[..., U, U] = wave
         covariances[..., P, U] = covariances[..., U, P] = -wave
-        covariances[..., STEADY:, :, V, V] = self._motion.start_speed**2
+        covariances[..., MOVING, :, V, V] = self._motion.first_speed**2
         covariances[..., TURNING, :, A, A] = self._motion.turn_acceleration**2
         return Hypotheses(states, covariances, np.full((*batch, MODELS), 1.0 / MODELS))
 
@@ -111,28 +121,31 @@ class Bank:
         """Return the bank `elapsed` seconds later, with waves of variance `wave` (..., 3), m^2."""
         time = np.asarray(elapsed)[..., None]
         exponentials = np.exp(time * self._exponents)
-        states, covariances, weights = self._interact(bank, exponentials[..., 2:].real)
+        states, covariances, weights = self._interact(bank, exponentials[..., WAVES + 1 :].real)
         batch = weights.shape[:-1]
-        factors = np.empty((*batch, 5))
+        factors = np.empty((*batch, 3 + 2 * WAVES))
         factors[..., 0] = 1.0
         factors[..., 1:2] = time
-        factors[..., 2:4] = exponentials[..., :2].real
-        factors[..., 4] = exponentials[..., 1].imag
+        factors[..., 2 : 2 + WAVES] = exponentials[..., :WAVES].imag
+        factors[..., 2 + WAVES :] = exponentials[..., : WAVES + 1].real
         shape = (*batch, MODELS, 1, SIZE, SIZE)
         psi = (factors @ self._transition_basis).reshape(shape)
         noise = (time**_ORDERS @ self._noise_basis).reshape(shape)
         moved = psi @ covariances @ psi.swapaxes(-1, -2) + noise
         # The waves are stationary, so what drives them is what the transition lets go of.
-        spin = psi[..., STILL, :, S:, S:]
+        spin = psi[..., S:, S:]
         driving = _EYE2 - spin @ spin.swapaxes(-1, -2)
-        moved[..., S:, S:] += (wave[..., None, None] * driving)[..., None, :, :, :]
+        moved[..., S:, S:] += wave[..., None, :, None, None] * driving
         return Hypotheses((psi @ states[..., None])[..., 0], moved, weights)
 
     def _interact(self, bank: Hypotheses, stay: Array) -> Hypotheses:
-        """Return the bank mixed, where hypothesis m stays with the probability `stay` (..., m)."""
+        """Return the bank mixed; `stay` (..., 4) are the probabilities of waves and motions to."""
         batch = bank.weights.shape[:-1]
         stay = stay[..., None]
-        joint = bank.weights[..., None] * (stay * self._stay + (1.0 - stay) * self._leave)
+        waves = stay[..., :1, :] * _SAME_WAVES + (1.0 - stay[..., :1, :]) * _OTHER_WAVES
+        motions = stay[..., 1:, :] * _SAME_MOTION + (1.0 - stay[..., 1:, :]) * _OTHER_MOTION
+        switch = motions[..., :, None, :, None] * waves[..., None, :, None, :]
+        joint = bank.weights[..., None] * switch.reshape(*batch, MODELS, MODELS)
         weights = joint.sum(axis=-2)
         mixing = (joint / weights[..., None, :]).swapaxes(-1, -2)
         # About the first hypothesis' state, so that squares of positions do not swamp variances.
@@ -196,25 +209,29 @@ def _damped(motion: Motion) -> float:
 
 
 def _transition_basis(motion: Motion) -> Array:
-    """Return the basis (5, M n n) of the transitions.
+    """Return the basis (3 + 2 WAVES, M n n) of the transitions.
 
-    For 1, t, exp(-t / turn_time), and real and imaginary part of exp((-zeta + i damped) omega t).
+    For 1 and t, imaginary and then real parts of exp((-zeta + i damped) omega t), and
+    exp(-t / turn_time).
     """
     tau = motion.turn_time
-    basis = np.zeros((5, MODELS, SIZE, SIZE))
-    one, time, fading, cosine, sine = basis
+    basis = np.zeros((3 + 2 * WAVES, MODELS, SIZE, SIZE))
+    one, time, fading = basis[0], basis[1], basis[-1]
     one[:, P, P] = 1.0
-    one[STEADY:, V, V] = time[STEADY:, P, V] = 1.0
+    one[MOVING, V, V] = time[MOVING, P, V] = 1.0
     # Singer: v += tau (1 - e) a; p += tau (t - tau (1 - e)) a.
     one[TURNING, V, A], fading[TURNING, V, A] = tau, -tau
     one[TURNING, P, A], time[TURNING, P, A], fading[TURNING, P, A] = -tau * tau, tau, tau * tau
     fading[TURNING, A, A] = 1.0
     # The oscillator of wave.py, taken apart into decayed cosine and sine.
-    cosine[:, S, S] = cosine[:, U, U] = 1.0
     unit = 1.0 / _damped(motion)
-    sine[:, S, S], sine[:, U, U] = motion.wave_damping * unit, -motion.wave_damping * unit
-    sine[:, S, U], sine[:, U, S] = unit, -unit
-    return basis.reshape(5, -1)
+    slant = motion.wave_damping * unit
+    for wave in range(WAVES):
+        sine, cosine = basis[2 + wave, wave::WAVES], basis[2 + WAVES + wave, wave::WAVES]
+        cosine[:, S, S] = cosine[:, U, U] = 1.0
+        sine[:, S, S], sine[:, U, U] = slant, -slant
+        sine[:, S, U], sine[:, U, S] = unit, -unit
+    return basis.reshape(len(basis), -1)
 
 
 def _noise_basis(motion: Motion) -> Array:
@@ -222,7 +239,7 @@ def _noise_basis(motion: Motion) -> Array:
     basis = np.zeros((5, MODELS, SIZE, SIZE))
     basis[0, STILL, P, P] = motion.still_density
     # White acceleration of a density, and white jerk that keeps the acceleration's variance.
-    for model, density, chain in (
+    for models, density, chain in (
         (STEADY, motion.steady_density, (V, P)),
         (TURNING, 2.0 * motion.turn_acceleration**2 / motion.turn_time, (A, V, P)),
     ):
@@ -230,7 +247,7 @@ def _noise_basis(motion: Motion) -> Array:
             for high, column in enumerate(chain):
                 order = low + high
                 divisor = math.factorial(low) * math.factorial(high) * (order + 1)
-                basis[order, model, row, column] = density / divisor
+                basis[order, models, row, column] = density / divisor
     return basis.reshape(5, -1)
 
 
@@ -241,5 +258,5 @@ def _entry(motion: Motion) -> Array:
     """
     entry = np.zeros((MODELS, 1, SIZE, SIZE))
     entry[STILL, :, V, V] = motion.start_speed**2
-    entry[:TURNING, :, A, A] = motion.turn_acceleration**2
+    entry[STILL, :, A, A] = entry[STEADY, :, A, A] = motion.turn_acceleration**2
     return entry

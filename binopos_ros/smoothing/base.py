@@ -24,6 +24,8 @@ from binopos_ros.smoothing.state import FilterState, unknown_state
 Array = NDArray[np.float64]
 MemoryT = TypeVar('MemoryT')
 
+#: Positions (m) and deviations beyond this are nonsense, and would overflow.
+FARTHEST = 1e6
 #: A covariance whose determinant is below this part of its diagonal's product is singular.
 SINGULAR = 1e-10
 #: Why a filter itself refused a position.
@@ -116,11 +118,10 @@ class Filter(ABC, Generic[MemoryT]):
             return self._take_late(stamp, measured, spread)
         if stamp - self._used_stamp > self.options.max_gap:
             return self._begin(stamp, measured, spread)
-        memory = self._advance(self._memory, elapsed)
-        reason = self._why_unreachable(stamp, measured, self._place(memory))
-        if reason:
+        since_used = stamp - self._used_stamp
+        memory, reason = self._pass(self._memory, elapsed, since_used, measured, spread)
+        if memory is None:
             return self._refuse(stamp, measured, spread, reason)
-        memory = self._correct(memory, measured, spread)
         self._keep(stamp, measured, spread, memory)
         estimate = self._estimate(memory)
         if estimate.certainty == 0.0:
@@ -186,12 +187,22 @@ class Filter(ABC, Generic[MemoryT]):
         self._stamp = stamp
         self._taken.append(_Taken(stamp, position, covariance, memory))
 
-    def _why_unreachable(self, stamp: float, position: Array, expected: Array) -> str:
-        reach = self.options.max_jump + self.options.max_speed * (stamp - self._used_stamp)
-        distance = math.dist(position, expected)
-        if distance <= reach:
-            return ''
-        return f'the position lies {distance:.3g} m from the prediction, beyond {reach:.3g} m'
+    def _pass(
+        self,
+        memory: MemoryT,
+        elapsed: float,
+        since_used: float,
+        position: Array,
+        covariance: Array,
+    ) -> tuple[MemoryT | None, str]:
+        """Return the memory after a measurement, or none and why it was out of reach."""
+        memory = self._advance(memory, elapsed)
+        reach = self.options.max_jump + self.options.max_speed * since_used
+        distance = math.dist(position, self._place(memory))
+        if distance > reach:
+            far = f'the position lies {distance:.3g} m from the prediction'
+            return None, f'{far}, beyond the {reach:.3g} m that are in reach'
+        return self._correct(memory, position, covariance), ''
 
     def _refuse(
         self, stamp: float, position: Array, covariance: Array, reason: str
@@ -219,21 +230,20 @@ class Filter(ABC, Generic[MemoryT]):
             reason = f'the stamp lies {delay:.3g} s before the newest one'
             return self._refuse(stamp, position, covariance, reason)
         later = [item for item in self._taken if item.stamp > stamp]
-        base = earlier[-1]
-        memory, newest = base.memory, base.stamp
-        used = True
         for _ in later:
             self._taken.pop()
+        memory, newest, late_reason = earlier[-1].memory, earlier[-1].stamp, ''
         for item in [_Taken(stamp, position, covariance, None), *later]:
-            memory = self._correct(
-                self._advance(memory, item.stamp - newest), item.position, item.covariance
-            )
-            newest = item.stamp
-            self._taken.append(item._replace(memory=memory))
+            elapsed = item.stamp - newest
+            after, reason = self._pass(memory, elapsed, elapsed, item.position, item.covariance)
+            if after is not None:
+                memory, newest = after, item.stamp
+                self._taken.append(item._replace(memory=memory))
+                reason = '' if self._estimate(memory).certainty > 0.0 else OUTSIDE
             if item.stamp == stamp:
-                used = bool(self._estimate(memory).certainty > 0.0)
-        self._memory = memory
-        return _state(self._stamp, self._estimate(memory), '' if used else OUTSIDE)
+                late_reason = reason
+        self._memory, self._stamp = memory, newest
+        return _state(newest, self._estimate(memory), late_reason)
 
 
 def _state(stamp: float, estimate: Estimate, reason: str = '') -> FilterState:
@@ -249,6 +259,8 @@ def _why_bad(position: Array, covariance: Array) -> str:
     x, y, z = position.tolist()
     if not math.isfinite(x + y + z):
         return 'the position is not finite'
+    if max(abs(x), abs(y), abs(z)) > FARTHEST:
+        return f'the position lies beyond {FARTHEST:.0e} m'
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = covariance.tolist()
     total = xx + xy + xz + yx + yy + yz + zx + zy + zz
     if not math.isfinite(total):
@@ -257,7 +269,12 @@ def _why_bad(position: Array, covariance: Array) -> str:
         return 'the covariance is not symmetric'
     if min(xx, yy, zz) < 0.0:
         return 'the covariance is negative'
+    if max(xx, yy, zz) > FARTHEST * FARTHEST:
+        return f'the covariance says more than {FARTHEST:.0e} m'
     minor = xx * yy - xy * xy
+    # A variance below 1e-18 m^2 is a nanometre: no measurement, and it would underflow.
+    if min(xx, yy, zz) < 1e-18:
+        return 'the covariance is singular'
     determinant = zz * minor - xx * yz * yz - yy * xz * xz + 2.0 * xy * yz * xz
     if minor < 0.0 or determinant < -SINGULAR * xx * yy * zz:
         return 'the covariance is negative'

@@ -12,6 +12,8 @@ controls the Kalman filter. Changed is what makes it work for a target that move
 * its hyper-entropy says how far that spread can be trusted: it widens the certainty;
 * its certainty (Eq. 24) weighs each measurement: Welsch's weight exp(-(d / width)^2 / 2) of robust
   statistics (Dennis & Welsch, Commun. Stat. Simul. Comput. 7(4), 1978);
+* a run of positions with little certainty shakes the trust in the filter itself, and widens the
+  certainty until it takes them;
 * the waves' motion is an oscillation in the state (:mod:`binopos_ros.smoothing.wave`), and the
   target's one of three kinds (:mod:`binopos_ros.smoothing.bank`), along and across the line of
   sight, where waves and pixels err very differently.
@@ -49,6 +51,8 @@ _LEAST_CERTAINTY = 1e-8
 _DROPS_AT_START = 10.0
 #: The axes follow the line of sight once its direction is off by half a degree: tan^2.
 _TURNED = math.tan(math.radians(0.5)) ** 2
+#: Share of the newest certainty in the trust: wrong detections seldom come in a row.
+_FORGETTING = 0.15
 #: Wave variance (m^2) below which there are no waves.
 _CALM = 1e-10
 
@@ -68,8 +72,14 @@ class CloudKalmanOptions(Options):
         0.3, 'standard deviation of the acceleration of a turning target', 'm/s^2', (1e-4, 1e3)
     )
     turn_time: float = option(0.6, 'time over which a turn changes', 's', (0.01, 100.0))
+    first_speed: float = option(
+        0.15, 'standard deviation of the velocity of a target first seen', 'm/s', (1e-5, 100.0)
+    )
     start_speed: float = option(
-        0.02, 'standard deviation of the velocity of a target that starts', 'm/s', (1e-5, 100.0)
+        0.02,
+        'standard deviation of the velocity at which a still target starts',
+        'm/s',
+        (1e-5, 100),
     )
     still_dwell: float = option(6.0, 'mean time that a target is still', 's', (0.01, 1e4))
     steady_dwell: float = option(6.0, 'mean time that a target is steady', 's', (0.01, 1e4))
@@ -77,7 +87,9 @@ class CloudKalmanOptions(Options):
     wave_std: float = option(
         0.002, 'deviation by waves across the line of sight, at the start', 'm', (1e-6, 1.0)
     )
-    wave_frequency: float = option(3.3, "the waves' mean frequency", 'Hz', (0.1, 100.0))
+    slow_waves: float = option(2.0, 'mean frequency of slow waves', 'Hz', (0.1, 100.0))
+    quick_waves: float = option(3.8, 'mean frequency of quick waves', 'Hz', (0.1, 100.0))
+    wave_dwell: float = option(10.0, 'mean time that waves stay slow or quick', 's', (0.01, 1e4))
     wave_damping: float = option(0.25, "the waves' band, as a damping ratio", '', (0.01, 0.95))
     certainty_width: float = option(
         2.5, 'deviations at which the certainty is exp(-1/2)', '', (0.5, 100.0)
@@ -91,9 +103,11 @@ class CloudKalmanOptions(Options):
             steady_density=self.steady_density,
             turn_acceleration=self.turn_acceleration,
             turn_time=self.turn_time,
+            first_speed=self.first_speed,
             start_speed=self.start_speed,
             dwells=(self.still_dwell, self.steady_dwell, self.turn_dwell),
-            wave_frequency=self.wave_frequency,
+            wave_frequencies=(self.slow_waves, self.quick_waves),
+            wave_dwell=self.wave_dwell,
             wave_damping=self.wave_damping,
         )
 
@@ -101,7 +115,8 @@ class CloudKalmanOptions(Options):
 class _Memory(NamedTuple):
     """The bank; the cloud of innovations; the axes (..., 3, 3), rows, the last the line of sight.
 
-    `wave` (..., 3) is the waves' variance along the axes, m^2.
+    `wave` (..., 3) is the waves' variance along the axes, m^2; `trust` (..., 1) the mean
+    certainty of late.
     """
 
     bank: Hypotheses
@@ -109,6 +124,7 @@ class _Memory(NamedTuple):
     wave: Array
     axes: Array
     certainty: Array
+    trust: Array
 
 
 class CloudKalmanFilter(Filter[_Memory]):
@@ -133,7 +149,7 @@ class CloudKalmanFilter(Filter[_Memory]):
         bank = self._bank.start((axes @ position[..., None])[..., 0], variance, wave)
         total = np.full((*batch, 1), _DROPS_AT_START)
         cloud = RecursiveCloud.at_rest(np.sqrt(wave), total, self.options.window)
-        return _Memory(bank, cloud, wave, axes, np.ones(batch))
+        return _Memory(bank, cloud, wave, axes, np.ones(batch), np.ones((*batch, 1)))
 
     def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         return memory._replace(bank=self._bank.advance(memory.bank, memory.wave, elapsed))
@@ -146,23 +162,24 @@ class CloudKalmanFilter(Filter[_Memory]):
         measured = (memory.axes @ position[..., None])[..., 0]
         bank = _controlled(memory.bank, cloud.expectation, squared_entropy / self.options.window)
         innovation, expected, cross = innovations(bank, measured, variance)
-        certainty = self._certainty(innovation, expected, squared_entropy, cloud.variance)
+        doubt = cloud.variance.sum(axis=-1) / squared_entropy.sum(axis=-1)
+        widening = np.maximum(doubt[..., None], 1.0) / (memory.trust * memory.trust)
+        certainty = self._certainty(innovation, expected, widening)
         bank = update(bank, innovation, expected, cross, certainty)
         drops = cloud.add(measured - mean_position(bank), certainty)
         entropy = drops.entropy
         wave = np.maximum(entropy * entropy - variance, _CALM)
-        return _Memory(bank, drops, wave, memory.axes, certainty[..., 0])
+        trust = memory.trust + _FORGETTING * (certainty - memory.trust)
+        return _Memory(bank, drops, wave, memory.axes, certainty[..., 0], trust)
 
-    def _certainty(
-        self, innovation: Array, expected: Array, squared_entropy: Array, variance: Array
-    ) -> Array:
+    def _certainty(self, innovation: Array, expected: Array, widening: Array) -> Array:
         """Return the certainty (..., 1) of an innovation, under the hypothesis it fits best.
 
-        The hyper-entropy, He^2 = S^2 - En^2 over all axes, widens it by (En^2 + He^2) / En^2.
+        `widening` is the factor by which hyper-entropy, (En^2 + He^2) / En^2 over all axes, and
+        a lack of trust raise the variance that a position may have.
         """
         squared = (innovation * innovation / expected).sum(axis=-1).min(axis=-1, keepdims=True)
-        doubt = variance.sum(axis=-1, keepdims=True) / squared_entropy.sum(axis=-1, keepdims=True)
-        return np.exp(squared / (self._doubled_width * np.maximum(doubt, 1.0)))
+        return np.exp(squared / (self._doubled_width * widening))
 
     def _place(self, memory: _Memory) -> Array:
         return (mean_position(memory.bank)[..., None, :] @ memory.axes)[..., 0, :]
@@ -193,7 +210,7 @@ def _controlled(bank: Hypotheses, lag: Array, doubt: Array) -> Hypotheses:
     squared = lag * lag
     control = lag * (squared / (squared + doubt))
     states = bank.states.copy()
-    states[..., TURNING, :, P] += control
+    states[..., TURNING, :, P] += control[..., None, :]
     return bank._replace(states=states)
 
 

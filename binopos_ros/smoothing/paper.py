@@ -1,9 +1,10 @@
 """The paper's cloud-Kalman filter (Sec. 4), literally but for the errata.
 
-Eq. 16's control input is not defined in print. Its reading here is the pull towards the
-cloud's expectation, U(k) = Ex(k) - Psi eta(k-1|k-1), and its parameter the certainty of the
-predicted position times `control`: a control of 1 replaces the prediction of a certain position by
-the mean of the positions so far, which explains the paper's Table 6.
+Eq. 16's control input is not defined in print. Its reading here is the pull towards the cloud's
+expectation, U(k) = Ex(k) - Psi eta(k-1|k-1), and its control parameter Upsilon the certainty of
+the predicted position. The paper's Table 6 puts numbers in the certainty's place (``parameter:
+constant``): with 1 the mean of the positions so far replaces the prediction, which is best for a
+target that keeps still.
 """
 
 from __future__ import annotations
@@ -30,7 +31,12 @@ class PaperCloudKalmanOptions(KalmanOptions):
 
     window: int = option(100, 'positions that make up the cloud (Eq. 21-22)', '', (2, 10000))
     hyper_entropy: float = option(1e-4, 'He, a constant (Eq. 23)', 'm', (0.0, 1.0))
-    control: float = option(1.0, 'factor on the certainty as control parameter', '', (-10.0, 10.0))
+    parameter: str = option(
+        'certainty',
+        'control parameter of Eq. 16: the certainty times control, or control alone',
+        choices=('certainty', 'constant'),
+    )
+    control: float = option(1.0, 'see parameter', '', (-10.0, 10.0))
 
 
 #: What the state shows at least.
@@ -71,7 +77,8 @@ class PaperCloudKalmanFilter(Filter[_Memory]):
         draws = _DRAWS[memory.total % len(_DRAWS)]
         widths = cloud.entropy + self.options.hyper_entropy * draws
         weight = certainty(predicted, cloud.expectation, widths)
-        pull = (self.options.control * weight)[..., None] * (cloud.expectation - predicted)
+        upsilon = self.options.control * (weight if self.options.parameter == 'certainty' else 1.0)
+        pull = np.asarray(upsilon)[..., None] * (cloud.expectation - predicted)
         pulled = np.concatenate([predicted + pull, state[..., 3:]], axis=-1)
         noise = self.options.measurement_covariance(covariance)
         gaussian = update(memory.gaussian._replace(state=pulled), position, noise)

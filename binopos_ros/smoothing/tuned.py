@@ -3,6 +3,26 @@
 from __future__ import annotations
 
 TUNED: dict[str, dict[str, float]] = {
+    'bp-kalman': {
+        'acceleration_density': 0.0001892,
+        'measurement_scale': 21.5,
+        'measurement_std': 0.002774,
+    },
+    'cloud-kalman': {
+        'certainty_width': 2.303,
+        'covariance_scale': 1.2,
+        'start_speed': 0.00816,
+        'steady_density': 1.4e-07,
+        'steady_dwell': 15.0,
+        'still_density': 1.245e-11,
+        'still_dwell': 15.0,
+        'turn_acceleration': 0.2716,
+        'turn_dwell': 0.896,
+        'turn_time': 0.5488,
+        'wave_damping': 0.2115,
+        'wave_std': 0.001573,
+        'window': 41.45,
+    },
     'cloud-kalman-paper': {
         'acceleration_density': 0.00112,
         'measurement_scale': 22.05,
@@ -42,10 +62,11 @@ TUNED: dict[str, dict[str, float]] = {
     },
     'median': {'window': 6},
     'sage-husa': {
-        'acceleration_density': 0.006403,
-        'forgetting': 0.9996,
-        'measurement_scale': 128.4,
-        'measurement_std': 0.03,
+        'acceleration_density': 1.108e-05,
+        'divergence': 1.2,
+        'forgetting': 0.9968,
+        'measurement_scale': 3.941,
+        'measurement_std': 0.002489,
     },
     'student-t': {
         'acceleration_density': 0.003633,

@@ -1,0 +1,160 @@
+"""The bank's arithmetic against matrix exponentials, and the wave model against its theory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from binopos_ros.smoothing.bank import (
+    MODELS,
+    SIZE,
+    STEADY,
+    STILL,
+    TURNING,
+    Bank,
+    Hypotheses,
+    Motion,
+    innovations,
+    moments,
+    update,
+)
+from binopos_ros.smoothing.wave import oscillator
+
+MOTION = Motion(
+    still_density=1e-9,
+    steady_density=1e-4,
+    turn_acceleration=0.3,
+    turn_time=50.0,
+    first_speed=0.2,
+    start_speed=0.05,
+    dwells=(1e12, 1e12, 1e12),
+    wave_frequency=3.0,
+    wave_damping=0.25,
+)
+WAVE = np.array([1e-6, 2e-6, 4e-5])
+OMEGA = 2.0 * np.pi * MOTION.wave_frequency
+
+
+def continuous(model):
+    """Return drift and noise density (5, 5) of a hypothesis, waves of unit variance."""
+    drift, density = np.zeros((5, 5)), np.zeros((5, 5))
+    if model == STILL:
+        drift[1, 1] = drift[2, 2] = -1e9
+        density[0, 0] = MOTION.still_density
+    elif model == STEADY:
+        drift[0, 1] = 1.0
+        drift[2, 2] = -1e9
+        density[1, 1] = MOTION.steady_density
+    else:
+        drift[0, 1] = drift[1, 2] = 1.0
+        drift[2, 2] = -1.0 / MOTION.turn_time
+        density[2, 2] = 2.0 * MOTION.turn_acceleration**2 / MOTION.turn_time
+    drift[3, 4] = OMEGA
+    drift[4, 3] = -OMEGA
+    drift[4, 4] = -2.0 * MOTION.wave_damping * OMEGA
+    density[4, 4] = 4.0 * MOTION.wave_damping * OMEGA
+    return drift, density
+
+
+def van_loan(drift, density, time):
+    """Return transition and noise over `time`: Van Loan, IEEE TAC 23(3), 1978."""
+    size = len(drift)
+    block = expm(np.block([[-drift, density], [np.zeros_like(drift), drift.T]]) * time)
+    psi = block[size:, size:].T
+    return psi, psi @ block[:size, size:]
+
+
+def test_oscillator_has_unit_covariance_and_no_power_at_zero_frequency():
+    drift, density = (matrix[3:, 3:] for matrix in continuous(STEADY))
+    np.testing.assert_allclose(solve_continuous_lyapunov(drift, -density), np.eye(2), atol=1e-12)
+    # The integral of u over all time of the autocorrelation e2' exp(A t) e2 is -e2' A^-1 e2.
+    assert np.linalg.inv(drift)[1, 1] == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize('time', [1e-3, 1 / 30, 0.4])
+def test_oscillator_is_the_exponential_of_its_drift(time):
+    drift, _ = continuous(STEADY)
+    expected = expm(drift[3:, 3:] * time)
+    np.testing.assert_allclose(oscillator(OMEGA, 0.25, time), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize('model', [STEADY, TURNING])
+@pytest.mark.parametrize('time', [1e-2, 1 / 30, 0.2])
+def test_prediction_of_a_hypothesis_is_the_exact_discretisation(model, time):
+    random = np.random.default_rng(model)
+    states = np.zeros((MODELS, 3, SIZE))
+    states[model] = random.normal(size=(3, SIZE))
+    root = random.normal(size=(SIZE, SIZE)) * 0.01
+    if model == STEADY:
+        states[model, :, 2] = 0.0
+        root[2] = 0.0
+    covariances = np.tile(root @ root.T, (MODELS, 3, 1, 1))
+    start = Hypotheses(states, covariances, np.full(MODELS, 1.0 / MODELS))
+    ahead = Bank(MOTION).advance(start, WAVE, time)
+    drift, density = continuous(model)
+    if model == STEADY:
+        drift[2, 2] = 0.0
+    for axis in range(3):
+        scale = np.ones(5)
+        scale[3:] = np.sqrt(WAVE[axis])
+        psi, noise = van_loan(drift, density * np.outer(scale, scale), time)
+        np.testing.assert_allclose(
+            ahead.states[model, axis], psi @ states[model, axis], rtol=1e-4, atol=1e-9
+        )
+        expected = psi @ covariances[model, axis] @ psi.T + noise
+        np.testing.assert_allclose(ahead.covariances[model, axis], expected, rtol=2e-2, atol=1e-9)
+
+
+def test_still_target_forgets_velocity_and_acceleration():
+    states = np.ones((MODELS, 3, SIZE))
+    covariances = np.tile(np.eye(SIZE), (MODELS, 3, 1, 1))
+    start = Hypotheses(states, covariances, np.array([1.0, 0.0, 0.0]))
+    ahead = Bank(MOTION).advance(start, WAVE, 0.1)
+    assert np.all(ahead.states[STILL, :, 1:3] == 0.0)
+    np.testing.assert_array_equal(ahead.states[STILL, :, 0], 1.0)
+
+
+def test_update_of_full_certainty_is_the_kalman_filters():
+    random = np.random.default_rng(2)
+    states = random.normal(size=(MODELS, 3, SIZE))
+    roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
+    covariances = roots @ roots.swapaxes(-1, -2)
+    bank = Hypotheses(states, covariances, np.array([0.2, 0.3, 0.5]))
+    position, variance = random.normal(size=3), np.array([0.1, 0.2, 0.3])
+    after = update(bank, *innovations(bank, position, variance), np.ones(1))
+    row = np.array([[1.0, 0.0, 0.0, 0.0, 1.0]])
+    likelihood = np.ones(MODELS)
+    for model in range(MODELS):
+        for axis in range(3):
+            before = covariances[model, axis]
+            spread = row @ before @ row.T + variance[axis]
+            gain = before @ row.T / spread
+            miss = position[axis] - row @ states[model, axis]
+            np.testing.assert_allclose(
+                after.states[model, axis], states[model, axis] + gain[:, 0] * miss, atol=1e-12
+            )
+            np.testing.assert_allclose(
+                after.covariances[model, axis], before - gain @ row @ before, atol=1e-12
+            )
+            likelihood[model] *= float(
+                np.exp(-0.5 * miss**2 / spread[0, 0])[0] / np.sqrt(spread[0, 0])
+            )
+    expected = bank.weights * likelihood
+    np.testing.assert_allclose(after.weights, expected / expected.sum(), atol=1e-9)
+
+
+def test_moments_are_those_of_the_mixture():
+    random = np.random.default_rng(6)
+    states = random.normal(size=(MODELS, 3, SIZE))
+    roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
+    covariances = roots @ roots.swapaxes(-1, -2)
+    weights = np.array([0.2, 0.3, 0.5])
+    mean, spread = moments(Hypotheses(states, covariances, weights))
+    model = random.choice(MODELS, 200_000, p=weights)
+    root = np.linalg.cholesky(covariances[:, 1])
+    drawn = states[model, 1] + np.einsum(
+        'nij,nj->ni', root[model], random.standard_normal((model.size, SIZE))
+    )
+    np.testing.assert_allclose(mean[1], drawn[:, :2].mean(axis=0), atol=0.03)
+    np.testing.assert_allclose(spread[1], np.cov(drawn[:, :2].T), rtol=0.03, atol=0.03)
