@@ -26,7 +26,7 @@ def _load(name: str) -> ModuleType:
 @pytest.fixture(scope='session')
 def rendered() -> Iterator[ModuleType]:
     """The independent renderer, `rendered.py` beside this file."""
-    yield _load('rendered')
+    return _load('rendered')
 
 
 class Buoy(NamedTuple):

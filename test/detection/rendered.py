@@ -59,11 +59,7 @@ class View:
                 middle = (low + high) / 2
                 sine_air = middle / np.hypot(middle, self.depth)
                 sine_water = (reach - middle) / np.hypot(reach - middle, below)
-                low, high = (
-                    (low, middle)
-                    if sine_air > self.index * sine_water
-                    else (middle, high)
-                )
+                low, high = (low, middle) if sine_air > self.index * sine_water else (middle, high)
             crossing = normal * self.depth + foot / reach * (low + high) / 2
         return self.principal + self.focal * crossing[:2] / crossing[2]
 
