@@ -58,8 +58,7 @@ def jpeg_fault(data: memoryview) -> str:
 
 def raw_fault(data: memoryview, step: int, height: int) -> str:
     """Why the bytes cannot be a whole raw image; '' where they are."""
-    missing = step * height - len(data)
-    return f'{missing} bytes short' if missing > 0 else ''
+    return 'image cut short' if len(data) < step * height else ''
 
 
 def packed(half: NDArray[np.uint8]) -> array.array[int]:

@@ -208,19 +208,19 @@ class CameraNode(StageNode):
                 self.get_logger().warning(f'the cameras cannot be remembered: {error}')
 
     def _count(self) -> None:
-        diagnostics = self._diagnostics
+        drops = {
+            f'{side}: {reason}': count for (side, reason), count in self._faults.copy().items()
+        }
         for side, camera in self._rig.cameras.items():
             health = camera.health
-            diagnostics.received[f'{side}/image_raw'] = health.good + health.corrupt
-            for reason, count in (
-                (f'{side}: flagged as damaged by the driver', health.corrupt),
-                (f'{side}: lost by the driver', health.lost),
-            ):
-                if count:
-                    diagnostics.dropped[reason] = count
-        for (side, reason), count in self._faults.copy().items():
-            diagnostics.dropped[f'{side}: {reason}'] = count
-        diagnostics.published = sum(self._published.values())
+            self._diagnostics.received[f'{side}/image_raw'] = health.good + health.corrupt
+            drops[f'{side}: flagged as damaged by the driver'] = health.corrupt
+            drops[f'{side}: lost by the driver'] = health.lost
+        for reason, count in drops.items():
+            fresh = count - self._diagnostics.dropped[reason]
+            if fresh:
+                self._diagnostics.drop(reason, fresh)
+        self._diagnostics.published = sum(self._published.values())
 
     def _hardware_id(self) -> str:
         return ', '.join(camera.name for camera in self._rig.cameras.values())

@@ -38,7 +38,7 @@ def test_what_is_no_jpeg_is_told(data):
 def test_a_raw_image_must_have_all_its_lines():
     assert raw_fault(memoryview(bytes(100)), 10, 10) == ''
     assert raw_fault(memoryview(bytes(101)), 10, 10) == ''
-    assert raw_fault(memoryview(bytes(93)), 10, 10) == '7 bytes short'
+    assert raw_fault(memoryview(bytes(93)), 10, 10) == 'image cut short'
 
 
 @given(
