@@ -26,7 +26,6 @@ FEWEST_TO_FIT = 6
 NEW_LOOK = 0.12  # distance in (tilt, tilt, log scale) or in parts of the picture from other views
 WORTH_TAKING = 0.01  # relative gain of a view below which it is passed over
 STILL = 1.5  # px between two pictures of a board that is held still
-PIXEL = 0.1  # px, of a corner, until a fit tells
 
 PLACES = {'upper': 0.25, 'middle': 0.5, 'lower': 0.75}
 SIDEWAYS = {'left': 0.25, 'middle': 0.5, 'right': 0.75}
@@ -51,7 +50,8 @@ class Solution:
     poses: tuple[Pose, ...]
 
 
-Solve = Callable[[Sequence[BoardPair]], Solution]
+Sizes = tuple[tuple[int, int], tuple[int, int]]
+Solve = Callable[[Sequence[BoardPair], Sizes], Solution]
 
 
 @dataclass(frozen=True)
@@ -90,13 +90,14 @@ class Guidance:
     """
 
     board: Board
-    sizes: tuple[tuple[int, int], tuple[int, int]]
+    sizes: Sizes
     solve: Solve
     wanted: float
     distance: float
     pairs: list[BoardPair] = field(default_factory=list)
     solution: Solution | None = None
     _before: BoardPair | None = None
+    _next: str = ''
 
     def add(self, pair: BoardPair) -> Guide:
         """Judge a pair, take it if it helps, and say what to do next."""
@@ -106,7 +107,9 @@ class Guidance:
             self._fit()
         error = self.error()
         done = bool(error < self.wanted)
-        return Guide(len(self.pairs), not reason, reason, error, gain, self._hint(done), done)
+        if not reason or not self._next:
+            self._next = self._hint(done)  # only a view that was taken changes it
+        return Guide(len(self.pairs), not reason, reason, error, gain, self._next, done)
 
     def error(self) -> float:
         """Predicted standard deviation at the working distance from the calibration (m)."""
@@ -152,7 +155,7 @@ class Guidance:
         if len(self.pairs) < FEWEST_TO_FIT:
             return
         try:
-            self.solution = self.solve(self.pairs)
+            self.solution = self.solve(self.pairs, self.sizes)
         except CalibrationError:
             self.solution = None  # not determined yet: more views will do it
 
@@ -207,6 +210,7 @@ class Guidance:
         middle = points.mean(axis=0)
         mean = float(np.mean([pose.apply(points)[:, 2].mean() for pose in self.solution.poses]))
         width, height = self.sizes[LEFT]
+        rig = state.rig()
         found = []
         for up, v in PLACES.items():
             for aside, u in SIDEWAYS.items():
@@ -217,7 +221,7 @@ class Guidance:
                     for part in DISTANCES:
                         place = ray * part * mean / ray[2]
                         pose = Pose(rotation, place - rotation @ middle)
-                        seen = state.rig().project(pose.apply(points))
+                        seen = rig.project(pose.apply(points))
                         if not self._inside(seen):
                             continue
                         text = (

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.balls import CENTRE_PER_COORDINATE, ball_view
-from binopos_ros.calibration.board import CHESSBOARD, KINDS, Board, parse_size
+from binopos_ros.calibration.board import Board, parse_size
 from binopos_ros.calibration.check import check
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.files import (
@@ -21,96 +22,30 @@ from binopos_ros.calibration.files import (
     write_stereo,
 )
 from binopos_ros.calibration.gather import find_boards, name_other_board
+from binopos_ros.calibration.guidance import Sizes, Solution, Solve
 from binopos_ros.calibration.interface import calibrate_interface
+from binopos_ros.calibration.live import LiveSession
 from binopos_ros.calibration.pairing import FEWEST_PAIRS
 from binopos_ros.calibration.priors import guesses_from, parse_numbers
 from binopos_ros.calibration.report import interface_report, stereo_report
 from binopos_ros.calibration.sources import Pictures, folder_pair, open_pictures
 from binopos_ros.calibration.state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
-from binopos_ros.calibration.stereo import MOST_VIEWS, calibrate_stereo
+from binopos_ros.calibration.stereo import calibrate_stereo
 from binopos_ros.calibration.summary import summarise_interface, summarise_stereo
 from binopos_ros.calibration.targets import camera_infos_of, target_pairs
-from binopos_ros.calibration.views import BoardPair
-from binopos_ros.cli.config import Parameters, add_config_argument, config_of_bag
+from binopos_ros.calibration.views import BoardPair, Dropped
+from binopos_ros.cli.calibrate_arguments import add_arguments
+from binopos_ros.cli.config import Parameters, config_of_bag
 from binopos_ros.cli.status_line import StatusLine
 from binopos_ros.optics import stereo_from_camera_infos
 from binopos_ros.parameters import build
 from binopos_ros.triangulation.options import TriangulatorOptions
 
+__all__ = ['HELP', 'add_arguments', 'main']
+
 HELP = 'make the calibration files of the cameras and of the interface'
 BALLS = 60  # more do not change the result, only the time
 NOT_HOLDING = 1
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the verb's arguments."""
-    kinds = parser.add_subparsers(dest='what', metavar='WHAT', required=True)
-
-    stereo = kinds.add_parser('stereo', help='both cameras and their mutual pose, in air')
-    _add_source(stereo)
-    _add_board(stereo)
-    _add_output(stereo, Path('calibration'), 'calibration')
-    stereo.add_argument(
-        '--most-views', type=int, default=MOST_VIEWS, metavar='N', help='use at most N views'
-    )
-    stereo.add_argument(
-        '--names',
-        nargs=2,
-        default=('left', 'right'),
-        metavar=('LEFT', 'RIGHT'),
-        help='camera names for the files',
-    )
-
-    interface = kinds.add_parser(
-        'interface', help='the surface or the ports, from pictures through them'
-    )
-    _add_source(interface)
-    _add_board(interface)
-    _add_output(interface, None, 'interface in the folder of --calibration')
-    interface.add_argument(
-        '--calibration',
-        type=Path,
-        required=True,
-        metavar='DIR',
-        help='folder that `calibrate stereo` has written',
-    )
-    interface.add_argument(
-        '--indices',
-        default='1.0,1.333',
-        metavar='N0,N1,..',
-        help='refractive indices, camera side first (default: 1.0,1.333)',
-    )
-    interface.add_argument(
-        '--thicknesses', default='', metavar='T,..', help='of the layers in between (m)'
-    )
-    interface.add_argument(
-        '--ports', action='store_true', help='a port for each camera, no shared surface'
-    )
-    interface.add_argument(
-        '--prior',
-        action='append',
-        default=[],
-        metavar='NAME=VALUE,SD',
-        help='measured by hand: distance=0.80,0.005 (m), target_index=1.333,0.001, '
-        'thicknesses.0=0.006,0.0002, normal=0,0,1,2 (direction and degrees), '
-        'left_port.distance=..; repeatable, and enough without any pictures',
-    )
-    interface.add_argument(
-        '--target-diameter',
-        type=float,
-        metavar='M',
-        help='the source is a bag of the target of this diameter (m), not of a board',
-    )
-
-    daily = kinds.add_parser('check', help='does the calibration still hold? from any bag')
-    daily.add_argument('bag', type=Path, metavar='BAG', help='bag of ordinary operation')
-    daily.add_argument(
-        '--calibration',
-        type=Path,
-        metavar='DIR',
-        help="folder of left.yaml and right.yaml; default: the bag's own camera_info",
-    )
-    add_config_argument(daily)
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -120,8 +55,12 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _stereo(arguments: argparse.Namespace) -> int:
     board = _board_of(arguments)
-    pictures = _pictures_of(arguments)
-    pairs, sizes = _search(pictures, board, arguments.window)
+
+    def solve(pairs: Sequence[BoardPair], sizes: Sizes) -> Solution:
+        fit = calibrate_stereo(pairs, board, sizes).adjustment
+        return Solution(fit.state, fit.covariance, fit.free, fit.sigma, fit.poses)
+
+    pairs, sizes, unmatched = _views_of(arguments, board, solve)
     calibration = calibrate_stereo(pairs, board, sizes, arguments.most_views)
     paths = write_stereo(
         arguments.output,
@@ -130,7 +69,7 @@ def _stereo(arguments: argparse.Namespace) -> int:
         tuple(arguments.names),
     )
     print(summarise_stereo(calibration))
-    for one in pictures.unmatched:
+    for one in unmatched:
         print(f'  {one}')
     paths.append(stereo_report(arguments.output, calibration))
     _print_paths(paths)
@@ -154,11 +93,19 @@ def _interface(arguments: argparse.Namespace) -> int:
     sigma = None
     if arguments.target_diameter is not None:
         views, sigma = _ball_views(arguments, air)
-    elif arguments.source is None and arguments.left is None:
+    elif arguments.source is None and arguments.left is None and not arguments.live:
         views = []
     else:
         board = _board_of(arguments)
-        pairs, sizes = _search(_pictures_of(arguments), board, arguments.window)
+
+        def solve(pairs: Sequence[BoardPair], sizes: Sizes) -> Solution:
+            seen = [pair.view(board) for pair in pairs]
+            found = calibrate_interface(air, seen, guesses, covariance)
+            fit = found.adjustment
+            assert fit is not None
+            return Solution(found.state, found.covariance, fit.free, fit.sigma, fit.poses)
+
+        pairs, sizes, _ = _views_of(arguments, board, solve)
         _same_size(sizes, air)
         views = [pair.view(board) for pair in pairs if pair.complete]
         if not views:
@@ -196,57 +143,6 @@ def _check(arguments: argparse.Namespace) -> int:
     return 0 if result.holds else NOT_HOLDING
 
 
-def _add_source(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        'source',
-        type=Path,
-        nargs='?',
-        metavar='SOURCE',
-        help='folder with left* and right* pictures or sub-folders left and right, a list of '
-        'pairs, or a bag',
-    )
-    parser.add_argument('--left', type=Path, metavar='DIR', help="the left camera's pictures")
-    parser.add_argument('--right', type=Path, metavar='DIR', help="the right camera's pictures")
-    parser.add_argument(
-        '--interval',
-        type=float,
-        default=0.5,
-        metavar='S',
-        help='from a bag, take pairs at least this far apart (default: 0.5 s)',
-    )
-
-
-def _add_board(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        '--board',
-        default='9x6',
-        metavar='COLUMNSxROWS',
-        help='inner corners of a chessboard, squares of a ChArUco board, circles (default: 9x6)',
-    )
-    parser.add_argument('--square', type=float, metavar='M', help='side of a square (m)')
-    parser.add_argument('--kind', choices=KINDS, default=CHESSBOARD, help='kind of board')
-    parser.add_argument('--marker', type=float, default=0.0, metavar='M', help='ChArUco marker')
-    parser.add_argument('--dictionary', default='DICT_4X4_50', help='ChArUco dictionary')
-    parser.add_argument('--legacy', action='store_true', help='ChArUco pattern before OpenCV 4.6')
-    parser.add_argument(
-        '--window',
-        type=int,
-        metavar='PX',
-        help='half-width of the corner refinement; default: from the size of the squares',
-    )
-
-
-def _add_output(parser: argparse.ArgumentParser, folder: Path | None, words: str) -> None:
-    parser.add_argument(
-        '-o',
-        '--output',
-        type=Path,
-        default=folder,
-        metavar='DIR',
-        help=f'folder to write to (default: {words})',
-    )
-
-
 def _board_of(arguments: argparse.Namespace) -> Board:
     if arguments.square is None:
         raise CalibrationError('--square is missing: the printed side of a square in metres')
@@ -270,9 +166,41 @@ def _pictures_of(arguments: argparse.Namespace) -> Pictures:
     return folder_pair(arguments.left, arguments.right)
 
 
-def _search(
-    pictures: Pictures, board: Board, window: int | None
-) -> tuple[list[BoardPair], tuple[tuple[int, int], tuple[int, int]]]:
+def _views_of(
+    arguments: argparse.Namespace, board: Board, solve: Solve
+) -> tuple[Sequence[BoardPair], Sizes, Sequence[Dropped]]:
+    """The board in all pairs, the pictures' sizes, and pictures without a partner."""
+    if arguments.live:
+        return (*_taken_live(arguments, board, solve), ())
+    pictures = _pictures_of(arguments)
+    return (*_search(pictures, board, arguments.window), pictures.unmatched)
+
+
+def _taken_live(
+    arguments: argparse.Namespace, board: Board, solve: Solve
+) -> tuple[Sequence[BoardPair], Sizes]:
+    from binopos_ros.nodes.calibrator import CalibratorNode
+    from binopos_ros.nodes.shell import run
+
+    for name in ('wanted', 'distance'):
+        if not getattr(arguments, name) > 0.0:
+            raise CalibrationError(f'--{name} {getattr(arguments, name):g}: give metres above 0')
+    session = LiveSession(board, solve, arguments.wanted, arguments.distance)
+    clear = '\x1b[H\x1b[2J' if sys.stdout.isatty() else ''
+    print('waiting for pictures of both cameras ...', flush=True)
+    run(
+        [lambda: CalibratorNode(session, lambda text: print(f'{clear}{text}', flush=True))],
+        ['--ros-args', *arguments.ros_arguments] if arguments.ros_arguments else [],
+    )
+    if session.guidance is None or not session.pairs:
+        raise CalibrationError(
+            'no view was taken: are left/image_raw and right/image_raw published under /stereo, '
+            'and is all of the board in both pictures?'
+        )
+    return session.pairs, session.guidance.sizes
+
+
+def _search(pictures: Pictures, board: Board, window: int | None) -> tuple[list[BoardPair], Sizes]:
     with _progress('searching for the board', len(pictures.pairs)) as tick:
         pairs, sizes = find_boards(pictures.pairs, board, window, tick)
     blank = [i for i, pair in enumerate(pairs) if not pair.complete]
@@ -286,7 +214,7 @@ def _search(
     return pairs, sizes
 
 
-def _same_size(sizes: tuple[tuple[int, int], tuple[int, int]], air: RigState) -> None:
+def _same_size(sizes: Sizes, air: RigState) -> None:
     for name, size, camera in zip(('left', 'right'), sizes, air.cameras, strict=True):
         if size != camera.size:
             raise CalibrationError(

@@ -1,0 +1,157 @@
+"""The arguments of `binopos calibrate`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from binopos_ros.calibration.board import CHESSBOARD, KINDS
+from binopos_ros.calibration.stereo import MOST_VIEWS
+from binopos_ros.cli.config import add_config_argument
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    kinds = parser.add_subparsers(dest='what', metavar='WHAT', required=True)
+
+    stereo = kinds.add_parser('stereo', help='both cameras and their mutual pose, in air')
+    _add_source(stereo)
+    _add_live(stereo)
+    _add_board(stereo)
+    _add_output(stereo, Path('calibration'), 'calibration')
+    stereo.add_argument(
+        '--most-views', type=int, default=MOST_VIEWS, metavar='N', help='use at most N views'
+    )
+    stereo.add_argument(
+        '--names',
+        nargs=2,
+        default=('left', 'right'),
+        metavar=('LEFT', 'RIGHT'),
+        help='camera names for the files',
+    )
+
+    interface = kinds.add_parser(
+        'interface', help='the surface or the ports, from pictures through them'
+    )
+    _add_source(interface)
+    _add_live(interface)
+    _add_board(interface)
+    _add_output(interface, None, 'interface in the folder of --calibration')
+    interface.add_argument(
+        '--calibration',
+        type=Path,
+        required=True,
+        metavar='DIR',
+        help='folder that `calibrate stereo` has written',
+    )
+    interface.add_argument(
+        '--indices',
+        default='1.0,1.333',
+        metavar='N0,N1,..',
+        help='refractive indices, camera side first (default: 1.0,1.333)',
+    )
+    interface.add_argument(
+        '--thicknesses', default='', metavar='T,..', help='of the layers in between (m)'
+    )
+    interface.add_argument(
+        '--ports', action='store_true', help='a port for each camera, no shared surface'
+    )
+    interface.add_argument(
+        '--prior',
+        action='append',
+        default=[],
+        metavar='NAME=VALUE,SD',
+        help='measured by hand: distance=0.80,0.005 (m), target_index=1.333,0.001, '
+        'thicknesses.0=0.006,0.0002, normal=0,0,1,2 (direction and degrees), '
+        'left_port.distance=..; repeatable, and enough without any pictures',
+    )
+    interface.add_argument(
+        '--target-diameter',
+        type=float,
+        metavar='M',
+        help='the source is a bag of the target of this diameter (m), not of a board',
+    )
+
+    daily = kinds.add_parser('check', help='does the calibration still hold? from any bag')
+    daily.add_argument('bag', type=Path, metavar='BAG', help='bag of ordinary operation')
+    daily.add_argument(
+        '--calibration',
+        type=Path,
+        metavar='DIR',
+        help="folder of left.yaml and right.yaml; default: the bag's own camera_info",
+    )
+    add_config_argument(daily)
+
+
+def _add_source(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        'source',
+        type=Path,
+        nargs='?',
+        metavar='SOURCE',
+        help='folder with left* and right* pictures or sub-folders left and right, a list of '
+        'pairs, or a bag',
+    )
+    parser.add_argument('--left', type=Path, metavar='DIR', help="the left camera's pictures")
+    parser.add_argument('--right', type=Path, metavar='DIR', help="the right camera's pictures")
+    parser.add_argument(
+        '--interval',
+        type=float,
+        default=0.5,
+        metavar='S',
+        help='from a bag, take pairs at least this far apart (default: 0.5 s)',
+    )
+
+
+def _add_board(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        '--board',
+        default='9x6',
+        metavar='COLUMNSxROWS',
+        help='inner corners of a chessboard, squares of a ChArUco board, circles (default: 9x6)',
+    )
+    parser.add_argument('--square', type=float, metavar='M', help='side of a square (m)')
+    parser.add_argument('--kind', choices=KINDS, default=CHESSBOARD, help='kind of board')
+    parser.add_argument('--marker', type=float, default=0.0, metavar='M', help='ChArUco marker')
+    parser.add_argument('--dictionary', default='DICT_4X4_50', help='ChArUco dictionary')
+    parser.add_argument('--legacy', action='store_true', help='ChArUco pattern before OpenCV 4.6')
+    parser.add_argument(
+        '--window',
+        type=int,
+        metavar='PX',
+        help='half-width of the corner refinement; default: from the size of the squares',
+    )
+
+
+def _add_output(parser: argparse.ArgumentParser, folder: Path | None, words: str) -> None:
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        default=folder,
+        metavar='DIR',
+        help=f'folder to write to (default: {words})',
+    )
+
+
+def _add_live(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        '--live',
+        action='store_true',
+        help="take the views from the cameras' topics, with guidance in the terminal and on "
+        'calibration/overlay/compressed, until they are good enough or Ctrl-C',
+    )
+    parser.add_argument(
+        '--wanted',
+        type=float,
+        default=0.0005,
+        metavar='M',
+        help='live: good enough is a position to this standard deviation (default: 0.0005 m)',
+    )
+    parser.add_argument(
+        '--distance',
+        type=float,
+        default=1.0,
+        metavar='M',
+        help='live: at this working distance (default: 1.0 m)',
+    )
