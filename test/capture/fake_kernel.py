@@ -70,7 +70,6 @@ class FakeCamera:
     queued: deque = field(default_factory=deque)
     buffers: int = 0
     sequence: int = 0
-    next_live: float = 0.0
     began_ns: int = 0
     taken: int = 0
     streams_started: int = 0
@@ -148,13 +147,11 @@ class FakeKernel:
 
     def _due(self, camera):
         if camera.streaming and camera.live and not camera.frames:
-            now = time.monotonic()
-            if now >= camera.next_live:
-                camera.next_live = max(camera.next_live + 1 / camera.live, now)
-                camera.sequence += 1
-                # By the camera's own clock, however late this process looks.
-                stamp = camera.began_ns + round(camera.taken * 1e9 / camera.live)
+            # By the camera's own clock, however late this process looks.
+            stamp = camera.began_ns + round(camera.taken * 1e9 / camera.live)
+            if time.monotonic_ns() >= stamp:
                 camera.taken += 1
+                camera.sequence += 1
                 camera.frames.append(FakeFrame(camera.picture, camera.sequence, stamp))
         return bool(camera.frames and camera.queued)
 
