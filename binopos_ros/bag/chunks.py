@@ -25,7 +25,7 @@ class RawMessage(NamedTuple):
     data: bytes
 
 
-def decompress(data: bytes, compression: str, size: int, crc: int) -> bytes:
+def decompress(data: memoryview, compression: str, size: int, crc: int) -> memoryview:
     """A whole chunk's records.
 
     Raises:
@@ -37,7 +37,8 @@ def decompress(data: bytes, compression: str, size: int, crc: int) -> bytes:
         import zstandard
 
         try:
-            records = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+            decompressor = zstandard.ZstdDecompressor()
+            records = memoryview(decompressor.decompress(data, max_output_size=size))
         except (zstandard.ZstdError, MemoryError) as error:
             message = f'zstd chunk is damaged: {error}'
             raise BagError(message) from error
@@ -45,7 +46,7 @@ def decompress(data: bytes, compression: str, size: int, crc: int) -> bytes:
         import lz4.frame
 
         try:
-            records = lz4.frame.decompress(data)
+            records = memoryview(lz4.frame.decompress(data))
         except RuntimeError as error:
             message = f'lz4 chunk is damaged: {error}'
             raise BagError(message) from error
@@ -58,26 +59,26 @@ def decompress(data: bytes, compression: str, size: int, crc: int) -> bytes:
     return records
 
 
-def salvage(data: bytes, compression: str) -> bytes:
+def salvage(data: memoryview, compression: str) -> memoryview:
     """As many of a torn chunk's records as its first bytes give; the last may be cut."""
     if compression == 'zstd':
         import zstandard
 
         try:
-            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+            return memoryview(zstandard.ZstdDecompressor().decompressobj().decompress(data))
         except zstandard.ZstdError:
-            return b''
+            return memoryview(b'')
     if compression == 'lz4':
         import lz4.frame
 
         try:
-            return lz4.frame.LZ4FrameDecompressor().decompress(data)
+            return memoryview(lz4.frame.LZ4FrameDecompressor().decompress(data))
         except RuntimeError:
-            return b''
-    return data if compression == '' else b''
+            return memoryview(b'')
+    return data if compression == '' else memoryview(b'')
 
 
-def split_records(records: bytes) -> Iterator[tuple[int, int, int]]:
+def split_records(records: memoryview) -> Iterator[tuple[int, int, int]]:
     """(opcode, start of the content, its end) of each complete record.
 
     Messages too short for their own fields are left out.
@@ -93,9 +94,9 @@ def split_records(records: bytes) -> Iterator[tuple[int, int, int]]:
             yield opcode, start, position
 
 
-def message_at(records: bytes, start: int, end: int) -> RawMessage:
+def message_at(records: memoryview, start: int, end: int) -> RawMessage:
     """The message whose record content is `records[start:end]`."""
     channel_id, _, log_time, publish_time = _MESSAGE_HEAD.unpack_from(records, start)
     return RawMessage(
-        channel_id, log_time, publish_time, records[start + _MESSAGE_HEAD.size : end]
+        channel_id, log_time, publish_time, bytes(records[start + _MESSAGE_HEAD.size : end])
     )

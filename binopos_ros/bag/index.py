@@ -122,7 +122,7 @@ def read_span(path: Path, span: Span) -> list[RawMessage]:
     """
     with path.open('rb') as stream:
         stream.seek(span.offset)
-        data = stream.read(span.length)
+        data = memoryview(stream.read(span.length))
     records = data if span.kind == 'loose' else _chunk_records(data, torn=span.kind == 'torn')
     return [
         message_at(records, start, end)
@@ -131,14 +131,14 @@ def read_span(path: Path, span: Span) -> list[RawMessage]:
     ]
 
 
-def _chunk_records(data: bytes, *, torn: bool) -> bytes:
+def _chunk_records(data: memoryview, *, torn: bool) -> memoryview:
     """Records inside a chunk record (its head included)."""
     start = RECORD_HEAD.size
     if len(data) < start + CHUNK_HEAD.size:
-        return b''
+        return memoryview(b'')
     _, _, size, crc, name_length = CHUNK_HEAD.unpack_from(data, start)
     start += CHUNK_HEAD.size
-    compression = data[start : start + name_length].decode('ascii', 'replace')
+    compression = bytes(data[start : start + name_length]).decode('ascii', 'replace')
     start += name_length + 8
     content = data[start:]
     return salvage(content, compression) if torn else decompress(content, compression, size, crc)
@@ -322,7 +322,7 @@ class _Scan:
         if span.channel_ids is None or span.channel_ids - self.index.channels.keys():
             self.stream.seek(span.offset)
             try:
-                records = _chunk_records(self.stream.read(span.length), torn=False)
+                records = _chunk_records(memoryview(self.stream.read(span.length)), torn=False)
                 self._look_into(records, span, count=span.channel_ids is None)
             except BagError as error:
                 _log.warning('%s: %s; the chunk is left out', self.index.path, error)
@@ -332,18 +332,18 @@ class _Scan:
     def _torn_chunk(self, position: int) -> None:
         self._finish_chunk()
         self.stream.seek(position)
-        data = self.stream.read()
+        data = memoryview(self.stream.read())
         span = Span(0, 0, position, len(data), 'torn')
         self.saved = self._look_into(_chunk_records(data, torn=True), span, count=True)
         if self.saved:
             self.index.spans.append(span)
 
-    def _look_into(self, records: bytes, span: Span, *, count: bool) -> int:
+    def _look_into(self, records: memoryview, span: Span, *, count: bool) -> int:
         """Learn a chunk's channels, and if asked its times; the number of messages counted."""
         times: list[int] = []
         for opcode, start, end in split_records(records):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._declare(opcode, records[start:end])
+                self._declare(opcode, bytes(records[start:end]))
             elif opcode == Opcode.MESSAGE and count:
                 channel_id, _, log_time = _MESSAGE_TIMES.unpack_from(records, start)
                 self.index.counts[channel_id] += 1
