@@ -114,6 +114,7 @@ class IndexEstimator:
             epipolar errors when the noise is averaged out.
         gate: innovations beyond this many standard deviations are outliers and not used.
         huber: innovations beyond this many standard deviations weigh less (Huber's weight).
+            For both, the deviation is the stated one, or what the innovations show if larger.
 
     Raises:
         TriangulationError: a prior, drift or bound that cannot be.
@@ -254,7 +255,7 @@ class IndexEstimator:
         carried = self._considered @ shared
         spread = clue.gain * (clue.gain * prior.variance + 2.0 * cross) + float(shared @ carried)
         score = innovation / math.sqrt(spread + 1.0)
-        usual = abs(score) / math.sqrt(self._scatter.excess)
+        usual = abs(score) / self._scatter.width
         persistent = spread / (spread + 1.0)
         if usual > self._gate:
             return _Verdict(prior, outlier, score, persistent)
@@ -271,10 +272,9 @@ class IndexEstimator:
         """Keep count of the scatter; start again where it says that the estimate is wrong."""
         if verdict.score is None:
             return
-        if verdict.reason:
-            self._scatter.add_outlier()
-        else:
-            self._scatter.add(verdict.score, verdict.persistent)
+        self._scatter.see(verdict.score)
+        if not verdict.reason:
+            self._scatter.use(verdict.score, verdict.persistent)
         if self._scatter.lost:
             self._restart()
 

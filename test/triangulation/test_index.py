@@ -396,7 +396,8 @@ def correlated(random, count, correlation, std):
 
 
 @pytest.mark.parametrize(
-    ('correlation', 'std'), [(0.9, PIXEL_STD), (0.0, 3 * PIXEL_STD), (0.9, 3 * PIXEL_STD)]
+    ('correlation', 'std'),
+    [(0.9, PIXEL_STD), (0.0, 3 * PIXEL_STD), (0.9, 3 * PIXEL_STD), (0.9, 20 * PIXEL_STD)],
 )
 def test_noise_that_is_not_as_stated_does_not_make_it_overconfident(correlation, std):
     """Waves disturb neighbouring pairs alike; detectors understate their noise."""
