@@ -1,0 +1,103 @@
+"""`binopos evaluate`: the paper's experiments, and the comparison of filters."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from binopos_ros.evaluation import QUICK, Results, Settings, Store, evaluate, tables
+from binopos_ros.evaluation.figures import Figure, figures
+from binopos_ros.evaluation.page import as_text, write_csv, write_page
+
+HELP = "the paper's experiments and the comparison of filters: tables and plots"
+
+EPILOG = """\
+examples:
+  binopos evaluate --quick                a minute's version
+  binopos evaluate -o evaluation          100 experiments of each kind, 200 sequences
+
+Results are kept in the folder part by part: a run that was stopped goes on where it was, and a
+second one only writes the report. A part is made anew when what it depends on has changed.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = EPILOG
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        default=Path('evaluation'),
+        metavar='DIR',
+        help='folder for the report (evaluation.html), the tables as CSV and the parts '
+        '(default: evaluation)',
+    )
+    parser.add_argument(
+        '--quick',
+        action='store_true',
+        help=f'{QUICK.experiments} experiments of each kind and {QUICK.sequences} sequences',
+    )
+    parser.add_argument(
+        '--experiments', type=int, metavar='N', help='of each of the three kinds (default: 100)'
+    )
+    parser.add_argument(
+        '--sequences', type=int, metavar='N', help='to compare the filters on (default: 200)'
+    )
+    parser.add_argument(
+        '--pixel-std',
+        type=float,
+        metavar='PX',
+        help="noise of the target's centre in each picture, px (default: 0.05)",
+    )
+    parser.add_argument('--seed', type=int, metavar='S', help='default: 2018')
+
+
+def main(arguments: argparse.Namespace) -> int:
+    chosen = {
+        name: getattr(arguments, name)
+        for name in ('experiments', 'sequences', 'pixel_std', 'seed')
+        if getattr(arguments, name) is not None
+    }
+    settings = dataclasses.replace(QUICK if arguments.quick else Settings(), **chosen)
+    results = evaluate(settings, Store(arguments.output / 'parts'), _progress)
+    made = tables(results)
+    write_csv(arguments.output, made)
+    page = write_page(arguments.output, settings, made, _pictures(results))
+    for table in made:
+        print(f'{as_text(table)}\n')
+    print(f'{page}: tables and pictures; the tables are beside it as CSV')
+    return 0
+
+
+def _pictures(results: Results) -> list[Figure]:
+    try:
+        return figures(results)
+    except ImportError:
+        print(
+            'binopos evaluate: no pictures, as matplotlib is missing: pip install matplotlib',
+            file=sys.stderr,
+        )
+        return []
+
+
+@contextlib.contextmanager
+def _progress(label: str, steps: int) -> Iterator[Callable[[], None]]:
+    """A progress bar on a terminal, where tqdm is installed."""
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        print(label, file=sys.stderr)
+        yield lambda: None
+        return
+    with tqdm(total=steps, desc=label, disable=None, leave=False) as bar:
+
+        def tick() -> None:
+            bar.update(1)
+
+        yield tick

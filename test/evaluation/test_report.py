@@ -1,0 +1,106 @@
+"""A whole evaluation, as small as it gets: tables, CSV, page, and going on where it was."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from binopos_ros.cli import main
+from binopos_ros.evaluation import Results, Settings, Store, evaluate, tables
+from binopos_ros.evaluation.page import as_text, write_csv, write_page
+
+SMALL = Settings(experiments=2, frames=40, sequences=1)
+
+
+class Labels:
+    """A progress display that remembers what was worked on."""
+
+    def __init__(self) -> None:
+        self.worked: list[str] = []
+
+    @contextlib.contextmanager
+    def __call__(self, label: str, steps: int) -> Iterator[Callable[[], None]]:
+        ticks: list[None] = []
+        yield lambda: ticks.append(None)
+        assert len(ticks) == steps
+        self.worked.append(label)
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp('evaluation')
+
+
+@pytest.fixture(scope='module')
+def results(folder: Path) -> Results:
+    return evaluate(SMALL, Store(folder / 'parts'), Labels())
+
+
+def test_every_table_is_whole(results: Results) -> None:
+    made = {table.name: table for table in tables(results)}
+    for table in made.values():
+        assert table.rows
+        assert all(len(row) == len(table.header) for row in table.rows)
+        assert table.title in as_text(table)
+    assert sum(int(row[1]) for row in made['table_5'].rows) == SMALL.experiments
+    for axis in range(1, 4):
+        assert sum(int(row[axis]) for row in made['table_6'].rows) == SMALL.experiments
+    # The paper's own counts add up to its hundred, too.
+    assert sum(int(row[4]) for row in made['table_5'].rows) == 100
+    assert sum(int(row[5]) for row in made['table_6'].rows) == 100
+
+
+def test_a_second_run_only_reads(results: Results, folder: Path) -> None:
+    labels = Labels()
+    again = evaluate(SMALL, Store(folder / 'parts'), labels)
+    assert labels.worked == []
+    assert tables(again) == tables(results)
+
+
+def test_a_run_goes_on_with_the_parts_that_are_missing(results: Results, folder: Path) -> None:
+    for part in (folder / 'parts').glob('fluctuating-kalman-*'):
+        part.unlink()
+    labels = Labels()
+    again = evaluate(SMALL, Store(folder / 'parts'), labels)
+    assert labels.worked == ['waves', 'fluctuating media: kalman']
+    np.testing.assert_array_equal(again.fluctuating['kalman'], results.fluctuating['kalman'])
+
+
+def test_csv_and_page_hold_what_the_tables_say(results: Results, tmp_path: Path) -> None:
+    made = tables(results)
+    for table, path in zip(made, write_csv(tmp_path, made), strict=True):
+        with path.open(newline='', encoding='utf-8') as file:
+            rows = [tuple(row) for row in csv.reader(file)]
+        assert rows == [table.header, *table.rows]
+    pytest.importorskip('matplotlib', reason='matplotlib is not installed')
+    from binopos_ros.evaluation.figures import figures
+
+    drawn = figures(results)
+    assert all(figure.png.startswith(b'\x89PNG') for figure in drawn)
+    page = write_page(tmp_path, SMALL, made, drawn).read_text(encoding='utf-8')
+    assert page.count('<img') == len(drawn) == 8
+    assert page.count('<table>') == len(made)
+    assert 'http' not in page
+
+
+def test_the_verb_writes_a_report(
+    results: Results, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ['--experiments', '2', '--sequences', '1']
+    # The verb has the paper's 100 frames: its parts are its own.
+    assert main(['evaluate', '-o', str(folder), *words]) == 0
+    assert 'Table 5' in capsys.readouterr().out
+    assert (folder / 'evaluation.html').is_file()
+    assert (folder / 'table_6.csv').is_file()
+
+
+def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['evaluate', '-o', str(tmp_path), '--experiments', '1']) == 2
+    error = capsys.readouterr().err
+    assert error.startswith('binopos evaluate: ')
+    assert error.count('\n') == 1
