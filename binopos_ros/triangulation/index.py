@@ -132,7 +132,7 @@ class IndexEstimator:
         gate: float = 4.0,
         huber: float = 2.0,
     ) -> None:
-        if not 1.0 <= prior_mean <= _LARGEST_INDEX:
+        if _possible(prior_mean) != prior_mean:
             msg = f'index prior: {prior_mean} is no refractive index of a clear medium (1 to 4)'
             raise TriangulationError(msg)
         for name, value in (('prior std', prior_std), ('gate', gate), ('huber', huber)):
@@ -190,7 +190,7 @@ class IndexEstimator:
         """
         prior = self._belief = self._predict(stamp)
         for _ in range(_MAX_LINEARISATIONS):
-            assumed, changes = self._rigs_near(rig, self._belief.mean)
+            assumed, changes = self._rigs_near(rig, _possible(self._belief.mean))
             evidence = gather_evidence(
                 assumed, left_px, right_px, left_cov, right_cov, changes, self._calibration_std
             )
@@ -199,7 +199,7 @@ class IndexEstimator:
                 return self._state(evidence, evidence.reason)
             verdict = self._correct(prior, evidence)
             self._belief = verdict.belief
-            if abs(self._belief.mean - evidence.at) <= _RELINEARISE:
+            if abs(_possible(self._belief.mean) - evidence.at) <= _RELINEARISE:
                 break
         self._judge(verdict)
         return self._state(evidence, verdict.reason)
@@ -219,7 +219,7 @@ class IndexEstimator:
                 f'{len(rig.parameter_names)}: {", ".join(rig.parameter_names)}'
             )
             raise TriangulationError(msg)
-        assumed = rig.with_target_index(min(max(index, 1.0), _LARGEST_INDEX))
+        assumed = rig.with_target_index(index)
         changes = [assumed.perturbed(STEP * error) for error in self._errors]
         self._rigs = rig, assumed, changes
         return assumed, changes
@@ -298,14 +298,15 @@ class IndexEstimator:
         by_index, by_shared = evidence.by_index, evidence.by_shared
         count = by_shared.shape[1]
         correlated = np.outer(by_index, by_shared @ belief.shared[:count])
+        mean = _possible(belief.mean)
         return IndexState(
-            mean=belief.mean,
+            mean=mean,
             std=math.sqrt(belief.variance),
             observed=belief.variance <= 0.5 * self._prior_variance,
             frame_index=evidence.at + clue.innovation / clue.gain if telling else math.nan,
             frame_index_std=1.0 / clue.gain if telling else math.nan,
             reason=reason,
-            point=evidence.point + by_index * (belief.mean - evidence.at),
+            point=evidence.point + by_index * (mean - evidence.at),
             covariance=(
                 evidence.covariance
                 + belief.variance * np.outer(by_index, by_index)
@@ -315,6 +316,11 @@ class IndexEstimator:
             ),
             residuals=evidence.residuals,
         )
+
+
+def _possible(index: float) -> float:
+    """A wide prior lets noise carry the estimate beyond what a clear medium's index can be."""
+    return min(max(index, 1.0), _LARGEST_INDEX)
 
 
 def _principal_errors(covariance: ArrayLike | None) -> Array:

@@ -546,6 +546,17 @@ def test_a_real_rig_whose_epipolar_errors_are_systematic_is_not_overconfident(sh
     assert abs(blind.mean - 1.333) > 3 * blind.std
 
 
+@pytest.mark.parametrize('prior_mean', [1.02, 1.33, 2.5])
+def test_with_a_wide_prior_the_index_stays_possible_and_is_found(prior_mean):
+    setting, random = SETTINGS['one camera ahead'], np.random.default_rng(21)
+    pixels = images(setting.rig, path(setting, 60, random))
+    pixels += PIXEL_STD * random.standard_normal(pixels.shape)
+    states = run(IndexEstimator(prior_mean, 0.5), setting.rig, pixels)
+    assert all(1.0 <= state.mean <= 4.0 for state in states)
+    assert states[-1].mean == pytest.approx(1.355, abs=4 * states[-1].std)
+    assert states[-1].std < 0.005
+
+
 @pytest.mark.parametrize(
     ('left', 'covariance', 'reason'),
     [
