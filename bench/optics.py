@@ -103,7 +103,7 @@ def main() -> None:
     rig = StereoRig(camera, camera, np.eye(3), SHIFT, surface)
     rng = np.random.default_rng(0)
     many = rng.uniform([-0.3, -0.3, 1.0], [0.5, 0.3, 1.5], (400_000, 3))
-    few = many[:20_000]
+    few = many[:10_000]
     left, right = rig.project(many)
     left += 0.1 * rng.standard_normal(left.shape)
     aquacal = AquaCal() if importlib.util.find_spec('aquacal') else None
@@ -120,7 +120,7 @@ def main() -> None:
     print(f'{os.cpu_count()} cores; OpenCV without refraction')
     print(f'{"points per second":<34}{"binopos":>14} {"AquaCal":>12} {"ratio":>10} {"OpenCV":>14}')
     share = len(many) / len(few)
-    peer = share * seconds(lambda: aquacal.project(few), 4) if aquacal else None
+    peer = share * seconds(lambda: aquacal.project(few), 3) if aquacal else None
     floor = share * seconds(straight, 50)
     row('project, both cameras', seconds(lambda: rig.project(many), 7), peer, floor, len(many))
     row('project with derivatives', seconds(lambda: rig.differentiate(many), 5), peer, floor,
@@ -131,7 +131,7 @@ def main() -> None:
 
     peer = floor = 0.0
     if aquacal:
-        peer = 200 * seconds(lambda: aquacal.triangulate(left[:2000], right[:2000]), 4)
+        peer = 200 * seconds(lambda: aquacal.triangulate(left[:2000], right[:2000]), 3)
     floor = seconds(lambda: opencv_triangulate(left, right), 3)
     row('triangulate, with covariance', seconds(ours, 5), peer or None, floor, len(many))
 

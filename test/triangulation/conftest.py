@@ -77,24 +77,25 @@ def scatter() -> Callable[[int], np.ndarray]:
     )
 
 
+def inverse_information(
+    rig: StereoRig, points: np.ndarray, left_cov: np.ndarray, right_cov: np.ndarray
+) -> np.ndarray:
+    """Return the Cramer-Rao bound (N, 3, 3) at true points, by differencing the projection."""
+    h = 1e-5
+    information = np.zeros((len(points), 3, 3))
+    for side, cov in ((0, left_cov), (1, right_cov)):
+        jacobian = np.stack(
+            [
+                (rig.project(points + s)[side] - rig.project(points - s)[side]) / (2 * h)
+                for s in h * np.eye(3)
+            ],
+            axis=-1,
+        )
+        information += np.swapaxes(jacobian, 1, 2) @ np.linalg.inv(cov) @ jacobian
+    return np.linalg.inv(information)
+
+
 @pytest.fixture
 def bound() -> Callable[..., np.ndarray]:
-    """The Cramer-Rao bound (N, 3, 3) at true points, by differencing the projection."""
-
-    def inverse_information(
-        rig: StereoRig, points: np.ndarray, left_cov: np.ndarray, right_cov: np.ndarray
-    ) -> np.ndarray:
-        h = 1e-5
-        information = np.zeros((len(points), 3, 3))
-        for side, cov in ((0, left_cov), (1, right_cov)):
-            jacobian = np.stack(
-                [
-                    (rig.project(points + s)[side] - rig.project(points - s)[side]) / (2 * h)
-                    for s in h * np.eye(3)
-                ],
-                axis=-1,
-            )
-            information += np.swapaxes(jacobian, 1, 2) @ np.linalg.inv(cov) @ jacobian
-        return np.linalg.inv(information)
-
+    """The Cramer-Rao bound as a function."""
     return inverse_information

@@ -1,0 +1,66 @@
+"""How near triangulation comes to what the pixels can tell: the Cramer-Rao bound, over ten rigs.
+
+Run as `python bench/bound.py [--points N]`. Random points, pixel noise of about 0.1 px.
+
+bound    RMS over the points of the bound's 3-D standard deviation (projection differenced), mm
+RMS      of the 3-D error over the bound's
+NSE      mean normalised squared error: 3 for a covariance that is honest
+straight RMS 3-D error of straight rays, as if there were no surface, mm
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from binopos_ros.triangulation import triangulate
+
+LEFT = np.array([[0.010, 0.004], [0.004, 0.020]])  # px^2
+RIGHT = np.array([[0.015, -0.006], [-0.006, 0.008]])
+
+
+def of_the_tests() -> ModuleType:
+    """Return the ten rigs of the tests, and their bound."""
+    path = Path(__file__).parents[1] / 'test' / 'triangulation' / 'conftest.py'
+    spec = importlib.util.spec_from_file_location('rigs', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def main() -> None:
+    """Print one line per rig."""
+    parser = argparse.ArgumentParser(description='Triangulation against the Cramer-Rao bound.')
+    parser.add_argument('--points', type=int, default=10_000)
+    count = parser.parse_args().points
+    shared = of_the_tests()
+    rng = np.random.default_rng(0)
+    points = rng.uniform([-0.25, -0.25, 1.0], [0.4, 0.25, 1.6], (count, 3))
+    print('| rig | bound, mm | RMS | NSE | straight, mm |')
+    print('|---|---|---|---|---|')
+    for name, rig in shared.RIGS.items():
+        left, right = rig.project(points)
+        left = left + rng.standard_normal(left.shape) @ np.linalg.cholesky(LEFT).T
+        right = right + rng.standard_normal(right.shape) @ np.linalg.cholesky(RIGHT).T
+        found = triangulate(rig, left, right, LEFT, RIGHT)
+        errors = found.points - points
+        best = shared.inverse_information(rig, points, LEFT, RIGHT)
+        bound = np.sqrt(np.trace(best, axis1=1, axis2=2).mean())
+        rms = np.sqrt((errors**2).sum(axis=1).mean())
+        squared = np.linalg.solve(found.covariances, errors[:, :, None])[:, :, 0]
+        straight = triangulate(rig, left, right, LEFT, RIGHT, method='straight').points - points
+        naive = np.sqrt(np.nanmean((straight**2).sum(axis=1)))
+        print(
+            f'| {name} | {1e3 * bound:.3f} | {rms / bound:.4f} |'
+            f' {(errors * squared).sum(axis=1).mean():.3f} | {1e3 * naive:.1f} |'
+        )
+
+
+if __name__ == '__main__':
+    main()

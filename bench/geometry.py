@@ -1,0 +1,112 @@
+"""How exact bent rays are: round trips, steps of the solver and derivatives, for every stack.
+
+Run as `python bench/geometry.py`. Per stack of layers, 105 rays of 0 to 85 degrees of incidence
+(up to total reflection where that comes first), the surface leaning by half of the incidence:
+
+round trip   pixel -> bent ray -> point 1 m into the target's medium -> pixel, the largest change
+steps        the most that the ray's equation took, and took on average, at 0 to 89 degrees in the
+             lightest medium, with the camera 1 mm to 10 m before the surface and the target
+             1 um to 100 m behind it
+derivatives  analytic against central differences, relative to the largest, for the point, the
+             target medium's index and the surface's parameters
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic
+from binopos_ros.optics.stack import ParallelStack
+
+CAMERA = PinholeCamera([[800.0, 0, 640], [0, 800, 480], [0, 0, 1]], (), (1280, 960))
+STEP = 1e-6
+
+
+def of_the_tests() -> ModuleType:
+    """Return the stacks and rigs of the tests."""
+    path = Path(__file__).parents[1] / 'test' / 'optics' / 'conftest.py'
+    spec = importlib.util.spec_from_file_location('stacks', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def round_trip(indices: tuple[float, ...], thicknesses: tuple[float, ...]) -> float:
+    """Return the largest change of a pixel, px."""
+    critical = np.arcsin(min(1.0, min(indices) / indices[0]))
+    worst = 0.0
+    for half in np.linspace(0.0, np.radians(85.0), 105) / 2:
+        if 2 * half > critical:
+            break
+        normal = (np.sin(half), 0.0, np.cos(half))
+        surface = FlatInterface(normal, 1.0, indices, thicknesses)
+        rig = StereoRig(CAMERA, CAMERA, np.eye(3), (-0.23, 0, 0), surface)
+        pixel = CAMERA.project((-np.sin(half), 0.0, np.cos(half)))
+        (start, direction), _ = rig.back_project(pixel, pixel)
+        worst = max(worst, np.abs(rig.project(start + direction)[0] - pixel).max())
+    return worst
+
+
+def steps(indices: tuple[float, ...], thicknesses: tuple[float, ...]) -> tuple[int, float]:
+    """Return the most steps and the mean of them, ray by ray."""
+    taken = []
+    for distance in (1e-3, 0.02, 1.0, 10.0):
+        stack = ParallelStack(indices, (distance, *thicknesses))
+        for height in (1e-6, 1e-3, 0.1, 1.0, 100.0):
+            for degrees in np.linspace(0.5, 89.0, 60):
+                p = min(indices) * np.sin(np.radians(degrees))
+                layers = np.array([distance, *thicknesses, height])
+                radius = (layers * p / np.sqrt(np.square(indices) - p * p)).sum()
+                asked = [0]
+
+                def count(condition: bool, asked: list[int] = asked) -> bool:
+                    asked[0] += 1
+                    return bool(condition)
+
+                counting = Arithmetic(ARRAYS.sqrt, max, min, count, ARRAYS.keep)
+                stack.slope(radius * radius, height, counting)
+                taken.append(asked[0])
+    return max(taken), float(np.mean(taken))
+
+
+def derivatives(rig: StereoRig, points: np.ndarray) -> float:
+    """Return the largest disagreement with central differences, relative."""
+    found = rig.differentiate(points)
+    pairs = []
+    for axis, move in enumerate(STEP * np.eye(3)):
+        ahead, behind = rig.project(points + move)[0], rig.project(points - move)[0]
+        pairs.append((found.left_by_point[:, :, axis], ahead - behind))
+    by_parameters = rig.parameter_jacobian(points)[0]
+    for k, move in enumerate(STEP * np.eye(len(rig.parameter_names))):
+        ahead, behind = (rig.perturbed(s * move).project(points)[0] for s in (1, -1))
+        pairs.append((by_parameters[:, :, k], ahead - behind))
+    errors = [
+        np.abs(analytic - difference / (2 * STEP)).max() / max(np.abs(analytic).max(), 1.0)
+        for analytic, difference in pairs
+    ]
+    return max(errors)
+
+
+def main() -> None:
+    """Print one line per stack."""
+    shared = of_the_tests()
+    points = np.random.default_rng(3).uniform([-0.5, -0.4, 1.15], [0.6, 0.4, 2.5], (105, 3))
+    print('| layers | round trip, px | steps, most | steps, mean | derivatives |')
+    print('|---|---|---|---|---|')
+    for name, rig in shared.RIGS.items():
+        trip, most, mean = '', '', ''
+        if name in shared.STACKS:
+            trip = f'{round_trip(*shared.STACKS[name]):.1e}'
+            most, mean = (f'{value:.3g}' for value in steps(*shared.STACKS[name]))
+        print(f'| {name} | {trip} | {most} | {mean} | {derivatives(rig, points):.1e} |')
+
+
+if __name__ == '__main__':
+    main()
