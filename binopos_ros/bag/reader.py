@@ -215,12 +215,16 @@ class BagReader:
 
     def _record(self, item: tuple[int, int, int, int, RawMessage]) -> Record:
         _, file_number, _, _, message = item
+        topic = self._files[file_number].channels[message.channel_id].topic
         data = message.data
         if self._zstd_messages:
             import zstandard
 
-            data = zstandard.ZstdDecompressor().decompress(data)
-        topic = self._files[file_number].channels[message.channel_id].topic
+            try:
+                data = zstandard.ZstdDecompressor().decompress(data)
+            except zstandard.ZstdError as error:
+                reason = f'{self.path}: topic {topic}: message at {message.log_time} ns: {error}'
+                raise BagError(reason) from error
         return Record(topic, message.log_time, data, message.publish_time)
 
 

@@ -155,11 +155,14 @@ class Recording:
     def _record(self) -> None:
         flush_at = time.monotonic() + FLUSH_PERIOD
         while True:
-            try:
-                item = self._queue.get(timeout=max(flush_at - time.monotonic(), 0.0))
-            except queue.Empty:
+            remaining = flush_at - time.monotonic()
+            if remaining <= 0:
                 self._writer.flush()
                 flush_at = time.monotonic() + FLUSH_PERIOD
+                continue
+            try:
+                item = self._queue.get(timeout=remaining)
+            except queue.Empty:
                 continue
             if item is None:
                 return

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from binopos_ros.bag import BagError, messages
@@ -63,6 +63,7 @@ def assert_same(received: Any, sent: Any) -> None:
             np.testing.assert_array_equal(np.asarray(theirs), np.asarray(ours))
 
 
+@settings(deadline=None)
 @given(
     seconds=st.integers(0, 2**31 - 1),
     nanoseconds=st.integers(0, 10**9 - 1),

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from binopos_ros.bag import BagError, BagReader, Record
@@ -36,6 +36,7 @@ ACTIONS = st.lists(
 )
 
 
+@settings(deadline=None)
 @given(ACTIONS)
 def test_bag_time_is_the_sum_of_the_rates_while_it_runs(
     actions: list[tuple[str, float]],

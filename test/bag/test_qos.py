@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2.metadata import dump_qos_v8
 from rosbags.rosbag2.metadata import parse_qos as rosbags_parse
@@ -24,6 +24,7 @@ OFFERS = st.lists(
 )
 
 
+@settings(deadline=None)
 @given(OFFERS)
 def test_both_spellings_come_back(offers: list[Qos]) -> None:
     words = format_qos(offers)

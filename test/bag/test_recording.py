@@ -77,6 +77,25 @@ def test_a_finished_recording_holds_everything(tmp_path: Path) -> None:
     assert len(list((tmp_path / 'bag').glob('*.mcap'))) == 5
 
 
+def test_a_flood_of_messages_does_not_hold_up_the_flush(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr('binopos_ros.bag.recording.FLUSH_PERIOD', 0.01)
+    recording = Recording(RecorderOptions(bag=str(tmp_path / 'bag')))
+    recording.add_topic('/a', STRING)
+    flushed = 0
+    for number in range(300_000):
+        recording.write('/a', number, b'')
+        if number % 10_000 == 9_999:
+            with BagReader(tmp_path / 'bag') as reader:
+                flushed = reader.message_count
+            if flushed:
+                break
+    recording.close()
+    # No chunk was full by then: it was the time that flushed.
+    assert 0 < flushed < 300_000
+
+
 def test_a_full_disk_ends_the_recording_with_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
