@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from binopos_ros.optics import OpticsError, PinholeCamera
@@ -100,6 +100,7 @@ def test_a_single_point_and_none_at_all_keep_their_shapes() -> None:
     assert camera.unproject(np.zeros((0, 2))).shape == (0, 3)
 
 
+@settings(deadline=None)
 @given(
     radial=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), st.floats(-0.02, 0.02)),
     tangential=st.tuples(st.floats(-5e-3, 5e-3), st.floats(-5e-3, 5e-3)),

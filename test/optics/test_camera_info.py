@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from binopos_ros.optics import (
@@ -131,6 +131,7 @@ def test_an_ost_file_of_two_cameras_asks_which(folder: Path) -> None:
         read_camera_info(folder / 'side_x_side_stereo/ost.txt')
 
 
+@settings(deadline=None)
 @given(
     numbers=st.lists(
         st.floats(allow_nan=False, allow_infinity=False, width=64), min_size=26, max_size=26

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from binopos_ros.optics import stack as stack_module
@@ -58,6 +58,7 @@ def test_six_steps_are_enough_up_to_89_degrees(
     check(np.array(indices), np.array([distance, *thicknesses]), height)
 
 
+@settings(deadline=None)
 @given(
     indices=st.lists(st.floats(1.0, 2.5), min_size=2, max_size=6),
     scales=st.lists(st.floats(-5.0, 2.0), min_size=6, max_size=6),
