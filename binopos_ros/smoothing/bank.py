@@ -41,11 +41,11 @@ P, V, A, S, U = range(SIZE)
 _FLAT = 3 * SIZE * SIZE
 #: Added to every weight, so that no hypothesis is ever ruled out for good.
 _LEAST_WEIGHT = 1e-12
-_ORDERS = np.arange(1, 6)
+# Sums over hypotheses and axes as products: far cheaper than sum() on arrays as small as these.
+_ALL = np.ones(MODELS)
+_MINUS_HALF = np.full(3, -0.5)
+_ORDERS = np.arange(6)
 _EYE2 = np.eye(2)
-_SAME_WAVES, _SAME_MOTION = np.eye(WAVES), np.eye(MOTIONS)
-_OTHER_WAVES = (1.0 - _SAME_WAVES) / (WAVES - 1)
-_OTHER_MOTION = (1.0 - _SAME_MOTION) / (MOTIONS - 1)
 
 
 class Hypotheses(NamedTuple):
@@ -97,8 +97,8 @@ class Bank:
         self._entry = _entry(motion)
         turn = complex(-motion.wave_damping, _damped(motion)) * 2.0 * math.pi
         spins = [turn * frequency for frequency in motion.wave_frequencies]
-        rates = [-1.0 / dwell for dwell in (motion.turn_time, motion.wave_dwell, *motion.dwells)]
-        self._exponents = np.array([*spins, *rates])
+        rates, self._switch_basis = _switch_basis(motion)
+        self._exponents = np.array([*spins, -1.0 / motion.turn_time, *rates])
 
     def start(self, position: Array, variance: Array, wave: Array) -> Hypotheses:
         """Return the bank after a first position (..., 3) along the axes.
@@ -121,16 +121,14 @@ class Bank:
         """Return the bank `elapsed` seconds later, with waves of variance `wave` (..., 3), m^2."""
         time = np.asarray(elapsed)[..., None]
         exponentials = np.exp(time * self._exponents)
-        states, covariances, weights = self._interact(bank, exponentials[..., WAVES + 1 :].real)
-        batch = weights.shape[:-1]
-        factors = np.empty((*batch, 3 + 2 * WAVES))
-        factors[..., 0] = 1.0
-        factors[..., 1:2] = time
-        factors[..., 2 : 2 + WAVES] = exponentials[..., :WAVES].imag
-        factors[..., 2 + WAVES :] = exponentials[..., : WAVES + 1].real
-        shape = (*batch, MODELS, 1, SIZE, SIZE)
-        psi = (factors @ self._transition_basis).reshape(shape)
-        noise = (time**_ORDERS @ self._noise_basis).reshape(shape)
+        real = exponentials.real
+        switch = real[..., WAVES + 1 :] @ self._switch_basis
+        states, covariances, weights = self._interact(bank, switch)
+        shape = (*weights.shape[:-1], MODELS, 1, SIZE, SIZE)
+        powers = time**_ORDERS
+        factors = [powers[..., :2], exponentials[..., :WAVES].imag, real[..., : WAVES + 1]]
+        psi = (np.concatenate(factors, axis=-1) @ self._transition_basis).reshape(shape)
+        noise = (powers @ self._noise_basis).reshape(shape)
         moved = psi @ covariances @ psi.swapaxes(-1, -2) + noise
         # The waves are stationary, so what drives them is what the transition lets go of.
         spin = psi[..., S:, S:]
@@ -138,15 +136,11 @@ class Bank:
         moved[..., S:, S:] += wave[..., None, :, None, None] * driving
         return Hypotheses((psi @ states[..., None])[..., 0], moved, weights)
 
-    def _interact(self, bank: Hypotheses, stay: Array) -> Hypotheses:
-        """Return the bank mixed; `stay` (..., 4) are the probabilities of waves and motions to."""
+    def _interact(self, bank: Hypotheses, switch: Array) -> Hypotheses:
+        """Return the bank mixed by the probabilities `switch` (..., M M), from the row's on."""
         batch = bank.weights.shape[:-1]
-        stay = stay[..., None]
-        waves = stay[..., :1, :] * _SAME_WAVES + (1.0 - stay[..., :1, :]) * _OTHER_WAVES
-        motions = stay[..., 1:, :] * _SAME_MOTION + (1.0 - stay[..., 1:, :]) * _OTHER_MOTION
-        switch = motions[..., :, None, :, None] * waves[..., None, :, None, :]
         joint = bank.weights[..., None] * switch.reshape(*batch, MODELS, MODELS)
-        weights = joint.sum(axis=-2)
+        weights = _ALL @ joint
         mixing = (joint / weights[..., None, :]).swapaxes(-1, -2)
         # About the first hypothesis' state, so that squares of positions do not swamp variances.
         origin = bank.states[..., :1, :, :]
@@ -178,14 +172,14 @@ def update(
 
     A certainty below 1 stands for an innovation variance that much larger.
     """
-    scaled = innovation / expected
-    gain = cross * (certainty[..., None] / expected)[..., None]
+    weight = certainty[..., None] / expected
+    gain = cross * weight[..., None]
     states = bank.states + gain * innovation[..., None]
     covariances = bank.covariances - gain[..., :, None] * cross[..., None, :]
-    fit = certainty[..., None] * innovation * scaled + np.log(expected)
+    fit = weight * innovation * innovation + np.log(expected)
     # The certainty bounds what it multiplies, so the best hypothesis never underflows.
-    weights = bank.weights * np.exp(-0.5 * fit.sum(axis=-1))
-    weights = weights / weights.sum(axis=-1, keepdims=True) + _LEAST_WEIGHT
+    weights = bank.weights * np.exp(fit @ _MINUS_HALF)
+    weights = weights / (weights @ _ALL[:, None]) + _LEAST_WEIGHT
     return Hypotheses(states, covariances, weights)
 
 
@@ -196,12 +190,14 @@ def mean_position(bank: Hypotheses) -> Array:
 
 def moments(bank: Hypotheses) -> tuple[Array, Array]:
     """Return mean (..., 3, 2) and covariance (..., 3, 2, 2) of p and v, over all hypotheses."""
-    weights = bank.weights[..., None, None]
+    batch = bank.weights.shape[:-1]
+    weights = bank.weights[..., None, :]
     states = bank.states[..., :A]
-    mean = (weights * states).sum(axis=-3)
+    mean = (weights @ states.reshape(*batch, MODELS, 6)).reshape(*batch, 3, 2)
     apart = states - mean[..., None, :, :]
     spread = bank.covariances[..., :A, :A] + apart[..., :, None] * apart[..., None, :]
-    return mean, (weights[..., None] * spread).sum(axis=-4)
+    spread = weights @ spread.reshape(*batch, MODELS, 12)
+    return mean, spread.reshape(*batch, 3, 2, 2)
 
 
 def _damped(motion: Motion) -> float:
@@ -235,9 +231,9 @@ def _transition_basis(motion: Motion) -> Array:
 
 
 def _noise_basis(motion: Motion) -> Array:
-    """Return the basis (5, M n n) of the motions' noises, for t, t^2, ... t^5."""
-    basis = np.zeros((5, MODELS, SIZE, SIZE))
-    basis[0, STILL, P, P] = motion.still_density
+    """Return the basis (6, M n n) of the motions' noises, for 1, t, t^2, ... t^5."""
+    basis = np.zeros((6, MODELS, SIZE, SIZE))
+    basis[1, STILL, P, P] = motion.still_density
     # White acceleration of a density, and white jerk that keeps the acceleration's variance.
     for models, density, chain in (
         (STEADY, motion.steady_density, (V, P)),
@@ -245,10 +241,31 @@ def _noise_basis(motion: Motion) -> Array:
     ):
         for low, row in enumerate(chain):
             for high, column in enumerate(chain):
-                order = low + high
-                divisor = math.factorial(low) * math.factorial(high) * (order + 1)
+                order = low + high + 1
+                divisor = math.factorial(low) * math.factorial(high) * order
                 basis[order, models, row, column] = density / divisor
-    return basis.reshape(5, -1)
+    return basis.reshape(len(basis), -1)
+
+
+def _switch_basis(motion: Motion) -> tuple[Array, Array]:
+    """Return rates (M,) and basis (M, M M): switch probabilities are exp(rates t) @ basis.
+
+    The hypotheses follow a Markov chain in continuous time: each is left after its mean dwell, for
+    any of the others alike. Such a chain is reversible, so its eigenvalues are real.
+    """
+    waves = (np.full((WAVES, WAVES), 1.0 / (WAVES - 1)) - _wide(WAVES)) / motion.wave_dwell
+    leaving = 1.0 / np.array(motion.dwells)[:, None]
+    motions = leaving * (np.full((MOTIONS, MOTIONS), 1.0 / (MOTIONS - 1)) - _wide(MOTIONS))
+    generator = np.kron(motions, np.eye(WAVES)) + np.kron(np.eye(MOTIONS), waves)
+    rates, right = np.linalg.eig(generator)
+    left = np.linalg.inv(right)
+    basis = right.T[:, :, None] * left[:, None, :]
+    return rates.real, basis.real.reshape(MODELS, -1)
+
+
+def _wide(count: int) -> Array:
+    """Return the diagonal that makes the rows of a generator add up to nothing."""
+    return count / (count - 1) * np.eye(count)
 
 
 def _entry(motion: Motion) -> Array:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from binopos_ros.smoothing.bank import (
     MODELS,
+    MOVING,
     SIZE,
     STEADY,
     STILL,
@@ -29,31 +32,30 @@ MOTION = Motion(
     first_speed=0.2,
     start_speed=0.05,
     dwells=(1e12, 1e12, 1e12),
-    wave_frequency=3.0,
+    wave_frequencies=(2.0, 3.0),
+    wave_dwell=1e12,
     wave_damping=0.25,
 )
 WAVE = np.array([1e-6, 2e-6, 4e-5])
-OMEGA = 2.0 * np.pi * MOTION.wave_frequency
+OMEGAS = 2.0 * np.pi * np.array(MOTION.wave_frequencies)
+STEADY_QUICK, TURNING_SLOW = STEADY.start + 1, TURNING.start
 
 
 def continuous(model):
-    """Return drift and noise density (5, 5) of a hypothesis, waves of unit variance."""
+    """Return drift and noise density (5, 5) of a moving hypothesis, waves of unit variance."""
     drift, density = np.zeros((5, 5)), np.zeros((5, 5))
-    if model == STILL:
-        drift[1, 1] = drift[2, 2] = -1e9
-        density[0, 0] = MOTION.still_density
-    elif model == STEADY:
-        drift[0, 1] = 1.0
-        drift[2, 2] = -1e9
+    drift[0, 1] = 1.0
+    if model == STEADY_QUICK:
         density[1, 1] = MOTION.steady_density
     else:
-        drift[0, 1] = drift[1, 2] = 1.0
+        drift[1, 2] = 1.0
         drift[2, 2] = -1.0 / MOTION.turn_time
         density[2, 2] = 2.0 * MOTION.turn_acceleration**2 / MOTION.turn_time
-    drift[3, 4] = OMEGA
-    drift[4, 3] = -OMEGA
-    drift[4, 4] = -2.0 * MOTION.wave_damping * OMEGA
-    density[4, 4] = 4.0 * MOTION.wave_damping * OMEGA
+    omega = OMEGAS[1 if model == STEADY_QUICK else 0]
+    drift[3, 4] = omega
+    drift[4, 3] = -omega
+    drift[4, 4] = -2.0 * MOTION.wave_damping * omega
+    density[4, 4] = 4.0 * MOTION.wave_damping * omega
     return drift, density
 
 
@@ -66,7 +68,7 @@ def van_loan(drift, density, time):
 
 
 def test_oscillator_has_unit_covariance_and_no_power_at_zero_frequency():
-    drift, density = (matrix[3:, 3:] for matrix in continuous(STEADY))
+    drift, density = (matrix[3:, 3:] for matrix in continuous(STEADY_QUICK))
     np.testing.assert_allclose(solve_continuous_lyapunov(drift, -density), np.eye(2), atol=1e-12)
     # The integral of u over all time of the autocorrelation e2' exp(A t) e2 is -e2' A^-1 e2.
     assert np.linalg.inv(drift)[1, 1] == pytest.approx(0.0, abs=1e-15)
@@ -74,27 +76,25 @@ def test_oscillator_has_unit_covariance_and_no_power_at_zero_frequency():
 
 @pytest.mark.parametrize('time', [1e-3, 1 / 30, 0.4])
 def test_oscillator_is_the_exponential_of_its_drift(time):
-    drift, _ = continuous(STEADY)
+    drift, _ = continuous(STEADY_QUICK)
     expected = expm(drift[3:, 3:] * time)
-    np.testing.assert_allclose(oscillator(OMEGA, 0.25, time), expected, atol=1e-12)
+    np.testing.assert_allclose(oscillator(OMEGAS[1], 0.25, time), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize('model', [STEADY, TURNING])
+@pytest.mark.parametrize('model', [STEADY_QUICK, TURNING_SLOW])
 @pytest.mark.parametrize('time', [1e-2, 1 / 30, 0.2])
 def test_prediction_of_a_hypothesis_is_the_exact_discretisation(model, time):
     random = np.random.default_rng(model)
     states = np.zeros((MODELS, 3, SIZE))
     states[model] = random.normal(size=(3, SIZE))
     root = random.normal(size=(SIZE, SIZE)) * 0.01
-    if model == STEADY:
+    if model == STEADY_QUICK:
         states[model, :, 2] = 0.0
         root[2] = 0.0
     covariances = np.tile(root @ root.T, (MODELS, 3, 1, 1))
     start = Hypotheses(states, covariances, np.full(MODELS, 1.0 / MODELS))
     ahead = Bank(MOTION).advance(start, WAVE, time)
     drift, density = continuous(model)
-    if model == STEADY:
-        drift[2, 2] = 0.0
     for axis in range(3):
         scale = np.ones(5)
         scale[3:] = np.sqrt(WAVE[axis])
@@ -109,10 +109,41 @@ def test_prediction_of_a_hypothesis_is_the_exact_discretisation(model, time):
 def test_still_target_forgets_velocity_and_acceleration():
     states = np.ones((MODELS, 3, SIZE))
     covariances = np.tile(np.eye(SIZE), (MODELS, 3, 1, 1))
-    start = Hypotheses(states, covariances, np.array([1.0, 0.0, 0.0]))
+    start = Hypotheses(states, covariances, np.array([0.5, 0.5, 0.0, 0.0, 0.0, 0.0]))
     ahead = Bank(MOTION).advance(start, WAVE, 0.1)
     assert np.all(ahead.states[STILL, :, 1:3] == 0.0)
     np.testing.assert_array_equal(ahead.states[STILL, :, 0], 1.0)
+
+
+def test_switching_is_a_markov_chain_in_continuous_time():
+    lively = dataclasses.replace(MOTION, dwells=(1.0, 2.0, 0.5), wave_dwell=3.0)
+    states = np.zeros((MODELS, 3, SIZE))
+    covariances = np.tile(1e-12 * np.eye(SIZE), (MODELS, 3, 1, 1))
+    weights = np.array([0.3, 0.1, 0.2, 0.1, 0.1, 0.2])
+    start, bank = Hypotheses(states, covariances, weights), Bank(lively)
+    rates = np.repeat(1.0 / np.array(lively.dwells), 2)
+    generator = np.zeros((MODELS, MODELS))
+    for one in range(MODELS):
+        for other in range(MODELS):
+            if one % 2 == other % 2 and one != other:
+                generator[one, other] = rates[one] / 2.0
+            elif one // 2 == other // 2 and one != other:
+                generator[one, other] = 1.0 / 3.0
+        generator[one, one] = -generator[one].sum()
+    ahead = bank.advance(start, WAVE, 0.7)
+    np.testing.assert_allclose(ahead.weights, weights @ expm(0.7 * generator), atol=1e-12)
+    twice = bank.advance(bank.advance(start, WAVE, 0.3), WAVE, 0.4)
+    np.testing.assert_allclose(twice.weights, ahead.weights, atol=1e-12)
+
+
+def test_target_that_starts_may_have_any_usual_velocity():
+    states = np.zeros((MODELS, 3, SIZE))
+    covariances = np.tile(1e-12 * np.eye(SIZE), (MODELS, 3, 1, 1))
+    weights = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    lively = dataclasses.replace(MOTION, dwells=(1.0, 1.0, 1.0))
+    ahead = Bank(lively).advance(Hypotheses(states, covariances, weights), WAVE, 0.1)
+    deviation = np.sqrt(ahead.covariances[MOVING, :, 1, 1])
+    np.testing.assert_allclose(deviation, MOTION.start_speed, rtol=0.25)
 
 
 def test_update_of_full_certainty_is_the_kalman_filters():
@@ -120,7 +151,7 @@ def test_update_of_full_certainty_is_the_kalman_filters():
     states = random.normal(size=(MODELS, 3, SIZE))
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
-    bank = Hypotheses(states, covariances, np.array([0.2, 0.3, 0.5]))
+    bank = Hypotheses(states, covariances, np.array([0.1, 0.1, 0.2, 0.1, 0.3, 0.2]))
     position, variance = random.normal(size=3), np.array([0.1, 0.2, 0.3])
     after = update(bank, *innovations(bank, position, variance), np.ones(1))
     row = np.array([[1.0, 0.0, 0.0, 0.0, 1.0]])
@@ -149,7 +180,7 @@ def test_moments_are_those_of_the_mixture():
     states = random.normal(size=(MODELS, 3, SIZE))
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
-    weights = np.array([0.2, 0.3, 0.5])
+    weights = np.array([0.1, 0.1, 0.2, 0.1, 0.3, 0.2])
     mean, spread = moments(Hypotheses(states, covariances, weights))
     model = random.choice(MODELS, 200_000, p=weights)
     root = np.linalg.cholesky(covariances[:, 1])

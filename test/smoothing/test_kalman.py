@@ -124,7 +124,7 @@ def test_moving_median_is_the_median_of_the_last_positions(measurements):
 def test_adaptive_filter_finds_the_noise_that_it_was_not_told(name):
     random = np.random.default_rng(0)
     true = np.array([0.004, 0.008, 0.03])
-    options = {'measurement_scale': 1.0, 'measurement_std': 0.02, 'acceleration_density': 1e-8}
+    options = {'measurement_std': 0.02, 'acceleration_density': 1e-8, 'initial_speed': 1e-4}
     memory_options = (
         {'forgetting': 0.995, 'divergence': 100.0} if name == 'sage-husa' else {'spreading': 0.995}
     )

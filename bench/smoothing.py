@@ -1,0 +1,75 @@
+"""Time per step of the smoothers beside filterpy's predict and update.
+
+python bench/smoothing.py
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import filterpy.kalman
+import numpy as np
+
+from binopos_ros.smoothing import FILTERS, make_filter
+from binopos_ros.smoothing.trials.sequences import unseen_set
+
+ROUNDS = 5
+PEER = 'filterpy predict + update'
+
+Step = tuple[float, np.ndarray, np.ndarray]
+
+
+def main() -> None:
+    """Print the table, from rounds in turn, so that all filters meet the same machine."""
+    trial = unseen_set(1)[0]
+    steps = [
+        (float(trial.stamps[number]), trial.positions[number], trial.covariances[number])
+        for number in np.flatnonzero(np.isfinite(trial.positions[:, 0]))
+    ]
+    seconds: dict[str, list[float]] = {name: [] for name in (PEER, *FILTERS)}
+    for _ in range(ROUNDS):
+        for name in seconds:
+            seconds[name] += timed(
+                filterpy_step() if name == PEER else make_filter(name).step, steps
+            )
+    # The lower quartile is a step that no other work on the machine got in the way of.
+    typical = {name: float(np.percentile(taken, 25)) for name, taken in seconds.items()}
+    print(f'{"filter":<28}{"us per step":>12}{"of filterpy":>13}')
+    for name, value in typical.items():
+        print(f'{name:<28}{1e6 * value:>12.1f}{value / typical[PEER]:>13.2f}')
+
+
+def timed(
+    step: Callable[[float, np.ndarray, np.ndarray], object], steps: list[Step]
+) -> list[float]:
+    """Return the seconds that each step takes: checks, prediction, update, state, covariance."""
+    taken = []
+    for stamp, position, covariance in steps:
+        began = time.perf_counter()
+        step(stamp, position, covariance)
+        taken.append(time.perf_counter() - began)
+    return taken
+
+
+def filterpy_step() -> Callable[[float, np.ndarray, np.ndarray], object]:
+    """Return filterpy's constant-velocity filter; its matrices change, as stamps are uneven."""
+    kalman = filterpy.kalman.KalmanFilter(dim_x=6, dim_z=3)
+    kalman.H = np.hstack([np.eye(3), np.zeros((3, 3))])
+    psi, noise, eye = np.eye(6), np.empty((6, 6)), np.eye(3)
+    before = [0.0]
+
+    def step(stamp: float, position: np.ndarray, covariance: np.ndarray) -> None:
+        elapsed, before[0] = stamp - before[0], stamp
+        psi[:3, 3:] = elapsed * eye
+        noise[:3, :3] = 1e-3 * elapsed**3 / 3.0 * eye
+        noise[:3, 3:] = noise[3:, :3] = 1e-3 * elapsed**2 / 2.0 * eye
+        noise[3:, 3:] = 1e-3 * elapsed * eye
+        kalman.predict(F=psi, Q=noise)
+        kalman.update(position, R=covariance)
+
+    return step
+
+
+if __name__ == '__main__':
+    main()
