@@ -49,9 +49,9 @@ RETURNED = 0.5
 """Share of the fit's mean leverage by which neighbours' residuals are too little correlated."""
 
 LEAST_FACTOR = 0.8
-JPEG_FACTOR = 1.5
+JPEG_FACTOR = 1.65
 """JPEG's rounding follows the picture, so the fit takes a part of it for outline: residuals show
-two thirds of its variance (rendered discs of 8 to 120 px, quality 70 to 95)."""
+three fifths of its variance (rendered discs of 8 to 120 px, quality 70 to 95)."""
 
 # The model's terms, by their rows.
 U, V, STRETCH, BLUR, PROFILE = 0, 1, slice(2, 5), 5, slice(6, 8)
@@ -59,6 +59,7 @@ INSIDE, INSIDE_SLOPE, OUTSIDE, OUTSIDE_SLOPE = 8, slice(9, 11), 11, slice(12, 14
 TERMS = 14
 
 _PEAK = 1 / np.sqrt(2 * np.pi)
+FAR = np.float32(6)
 # The normal distribution as a logistic one of a cubic, good to 2e-4 (Page 1977).
 _PHI_1, _PHI_3 = 1.5976, 0.070565992
 
@@ -120,7 +121,7 @@ class EdgeFit:
         gu, gv = a * x + b * y, b * x + d * y
         t = np.sqrt(gu * x + gv * y)
         steep = 1 / (np.sqrt(gu * gu + gv * gv) + np.float32(1e-9))
-        z = (t - 1) * t * (steep / np.float32(self._blur))
+        z = np.clip((t - 1) * t * (steep / np.float32(self._blur)), -FAR, FAR)
         zz = z * z
         share = 1 / (1 + np.exp(z * (np.float32(_PHI_1) + np.float32(_PHI_3) * zz)))
         slope = np.exp(np.float32(-0.5) * zz) * np.float32(_PEAK / self._blur)

@@ -16,7 +16,8 @@ import pytest
 def _load(name: str) -> ModuleType:
     path = Path(__file__).with_name(f'{name}.py')
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)

@@ -122,7 +122,8 @@ def test_following_and_searching_give_the_same_digits():
         image = JpegImage(cv2.imencode('.jpg', picture)[1].tobytes()) if k % 2 else raw(picture)
         followed, alone = follower.detect(image), Detector().detect(image)
         tracked += followed.tracked
-        assert followed.target is not None and alone.target is not None
+        assert followed.target is not None
+        assert alone.target is not None
         assert np.abs(followed.target.centre - alone.target.centre).max() <= 1e-9
         assert np.abs(followed.target.covariance - alone.target.covariance).max() <= 1e-12
     assert tracked > 110

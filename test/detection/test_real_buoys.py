@@ -29,7 +29,8 @@ class Score:
     simple_wrong: int = 0
 
     def __add__(self, other: Score) -> Score:
-        return Score(*(a + b for a, b in zip(vars(self).values(), vars(other).values())))
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Score(*(a + b for a, b in pairs))
 
     @property
     def recall(self) -> float:
