@@ -188,19 +188,27 @@ class IndexEstimator:
         Raises:
             TriangulationError, OpticsError: as `triangulate` raises them.
         """
-        prior = self._belief = self._predict(stamp)
-        for _ in range(_MAX_LINEARISATIONS):
+
+        def gather() -> Evidence:
             assumed, changes = self._rigs_near(rig, _possible(self._belief.mean))
-            evidence = gather_evidence(
+            return gather_evidence(
                 assumed, left_px, right_px, left_cov, right_cov, changes, self._calibration_std
             )
-            if evidence.reason:
-                self._belief = prior
-                return self._state(evidence, evidence.reason)
-            verdict = self._correct(prior, evidence)
-            self._belief = verdict.belief
+
+        prior = self._belief = self._predict(stamp)
+        evidence = gather()
+        if evidence.reason:
+            return self._state(evidence, evidence.reason)
+        verdict = self._correct(prior, evidence)
+        self._belief = verdict.belief
+        for _ in range(_MAX_LINEARISATIONS - 1):
             if abs(_possible(self._belief.mean) - evidence.at) <= _RELINEARISE:
                 break
+            nearer = gather()
+            if nearer.reason:
+                break
+            evidence, verdict = nearer, self._correct(prior, nearer)
+            self._belief = verdict.belief
         self._judge(verdict)
         return self._state(evidence, verdict.reason)
 
