@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -179,6 +180,8 @@ def _views_of(
 def _taken_live(
     arguments: argparse.Namespace, board: Board, solve: Solve
 ) -> tuple[Sequence[BoardPair], Sizes]:
+    import rclpy
+
     from binopos_ros.nodes.calibrator import CalibratorNode
     from binopos_ros.nodes.shell import run
 
@@ -188,10 +191,15 @@ def _taken_live(
     session = LiveSession(board, solve, arguments.wanted, arguments.distance)
     clear = '\x1b[H\x1b[2J' if sys.stdout.isatty() else ''
     print('waiting for pictures of both cameras ...', flush=True)
-    run(
-        [lambda: CalibratorNode(session, lambda text: print(f'{clear}{text}', flush=True))],
-        ['--ros-args', *arguments.ros_arguments] if arguments.ros_arguments else [],
-    )
+    # Ctrl-C ends the taking, not the verb: what was taken is calibrated.
+    before = signal.signal(signal.SIGINT, lambda *_: rclpy.try_shutdown())
+    try:
+        run(
+            [lambda: CalibratorNode(session, lambda text: print(f'{clear}{text}', flush=True))],
+            ['--ros-args', *arguments.ros_arguments] if arguments.ros_arguments else [],
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
     if session.guidance is None or not session.pairs:
         raise CalibrationError(
             'no view was taken: are left/image_raw and right/image_raw published under /stereo, '
