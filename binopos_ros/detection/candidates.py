@@ -22,7 +22,7 @@ from .target import Candidate, Ellipse
 Window = tuple[int, int, int, int]
 
 SEARCH_WIDTH = 320
-SHAPE_SIZE = 16
+SHAPE_SIZE = 10
 MAX_SEEDS = 16
 NOISE_STEP = 3
 NEIGHBOURS = np.ones((3, 3), np.uint8)

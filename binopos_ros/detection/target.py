@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,15 +24,15 @@ class Ellipse:
     @property
     def semi_axes(self) -> tuple[float, float]:
         """The major and the minor semi-axis, px."""
-        (a, b), (_, d) = self.moments
-        mean, spread = (a + d) / 2, float(np.hypot((a - d) / 2, b))
-        return 2 * float(np.sqrt(mean + spread)), 2 * float(np.sqrt(max(mean - spread, 0.0)))
+        (a, b), (_, d) = self.moments.tolist()
+        mean, spread = (a + d) / 2, math.hypot((a - d) / 2, b)
+        return 2 * math.sqrt(max(mean + spread, 0.0)), 2 * math.sqrt(max(mean - spread, 0.0))
 
     @property
     def angle(self) -> float:
         """The major axis's direction, rad from the u axis towards the v axis."""
-        (a, b), (_, d) = self.moments
-        return 0.5 * float(np.arctan2(2 * b, a - d))
+        (a, b), (_, d) = self.moments.tolist()
+        return 0.5 * math.atan2(2 * b, a - d)
 
 
 @dataclass(frozen=True)
