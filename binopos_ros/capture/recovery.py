@@ -150,7 +150,6 @@ class SteadyCamera:
 
         A frame's bytes are valid until the next one is asked for.
         """
-        self._stopping.clear()
         pauses = Pauses()
         while not self._stopping.is_set():
             began = time.monotonic()
@@ -163,8 +162,12 @@ class SteadyCamera:
         self.health.state = CLOSED
 
     def stop(self) -> None:
-        """End `frames` within a tenth of a second."""
+        """End `frames` within a tenth of a second, now and until `resume`."""
         self._stopping.set()
+
+    def resume(self) -> None:
+        """Let `frames` begin again after a stop."""
+        self._stopping.clear()
 
     def set_control(self, name: str, value: int | str) -> None:
         """Set a control now, if the camera is there, and whenever it is opened.

@@ -99,6 +99,8 @@ class CaptureRig:
         """Read the cameras, each in a thread; nothing where they are read already."""
         if self._threads:
             return
+        for camera in self.cameras.values():
+            camera.resume()
         self._threads = [
             threading.Thread(target=self._work, args=(side,), name=f'camera {side}', daemon=True)
             for side in self.cameras

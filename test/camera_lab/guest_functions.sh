@@ -1,5 +1,8 @@
 # Sourced in the guest before its script.
 
+# Threads that wait for each other cost more than they gain on emulated processors.
+export OPENCV_FOR_THREADS_NUM=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
+
 load() { modprobe -d "$LAB/kernel" "$@"; }
 
 wait_for() {

@@ -1,10 +1,10 @@
 """Runs in the guest: the whole suite live on two virtual cameras, and every fault in turn.
 
-    python live_suite.py SCENE OUT
+    python live_suite.py SCENE OUT PROCESS ...
 
-SCENE is what scene.py made. OUT receives `results.json` (each fault with its times to recovery and
-what the diagnostics said of it), `messages.pickle` (topic, type, stamp, CDR of an undisturbed
-stretch) and `suite.log`, what `binopos run` printed.
+SCENE is what scene.py made, each PROCESS the number of a `binopos run` that is already up. OUT
+receives `results.json` (each fault with its times to recovery and what the diagnostics said of it)
+and `messages.pickle` (topic, type, stamp, CDR of an undisturbed stretch).
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import os
 import pickle
-import signal
 import subprocess
 import sys
 import time
@@ -45,6 +44,7 @@ IMAGES = {side: f'{side}/image_raw/compressed' for side in SERIALS}
 POSE = 'target/pose'
 UNDISTURBED = 10.0
 PATIENCE = 20.0
+START = 90.0
 
 
 class Observer:
@@ -113,8 +113,9 @@ class Observer:
 class Lab:
     """The cameras, the suite, and what is done to them."""
 
-    def __init__(self, scene: Path, out: Path) -> None:
+    def __init__(self, scene: Path, out: Path, processes: list[int]) -> None:
         self.out = out
+        self.processes = processes
         self.results: dict[str, dict[str, Any]] = {}
         self.cameras = {
             side: VirtualCamera(
@@ -126,23 +127,11 @@ class Lab:
             for side, serial in SERIALS.items()
         }
         self.observer = Observer()
-        self.log = (out / 'suite.log').open('w')
-        # As two processes: importing four times takes long in an emulated machine.
-        self.suite = [
-            self._run(scene, 'camera'),
-            self._run(scene, 'detector', 'triangulator', 'smoother'),
-        ]
-
-    def _run(self, scene: Path, *nodes: str) -> subprocess.Popen[bytes]:
-        words = ['run', '--config', str(scene / 'rig.yaml'), '--single-process', '--nodes', *nodes]
-        return subprocess.Popen(
-            [sys.executable, '-m', 'binopos_ros', *words], stdout=self.log, stderr=self.log
-        )
 
     @property
     def alive(self) -> bool:
         """Whether every process of the suite is up."""
-        return all(process.poll() is None for process in self.suite)
+        return all(Path(f'/proc/{process}').exists() for process in self.processes)
 
     def recover(
         self,
@@ -186,8 +175,9 @@ class Lab:
     def missing_at_start(self) -> None:
         left, right = self.cameras.values()
         left.plug()
-        self.observer.spin(lambda: self.observer.counts[IMAGES['left']] > 0, 90.0)
+        self.observer.spin(lambda: self.observer.counts[IMAGES['left']] > 0, START)
         self.recover('missing at start', 'right', lambda: None, right.plug, 'right: camera')
+        self.observer.spin(lambda: self.observer.counts[POSE] > 0, START)
 
     def undisturbed(self) -> None:
         self.observer.spin(lambda: False, 3.0)
@@ -199,7 +189,7 @@ class Lab:
         self.results['undisturbed'] = {
             'seconds': UNDISTURBED,
             'status': self.observer.status,
-            'stages': self.observer.stages,
+            'links': [camera.by_id for camera in find_cameras()],
             'suite_alive': self.alive,
         }
         print(self.results['undisturbed'], flush=True)
@@ -244,19 +234,27 @@ class Lab:
 
     def damaged(self) -> None:
         right = self.cameras['right']
-        for kind in ('corrupt', 'short', 'error', 'drop'):
-            before = dict(self.observer.status)
+        for kind, count in (('corrupt', 3), ('short', 3), ('error', 3), ('drop', 2)):
+            before = self._dropped()
 
-            def spoil(kind: str = kind) -> None:
-                right.faults[kind] = 4
+            def spoil(kind: str = kind, count: int = count) -> None:
+                right.faults[kind] = count
                 self.observer.spin(lambda: right.faults[kind] <= 0, 10.0)
 
             self.recover(kind, 'right', spoil, lambda: None)
-            self.observer.spin(lambda: False, 1.5)
-            self.results[kind]['before'], self.results[kind]['after'] = (
-                before,
-                dict(self.observer.status),
-            )
+            self.observer.spin(lambda before=before: self._dropped() != before, 4.0)
+            after = self._dropped()
+            self.results[kind]['dropped'] = {
+                reason: after[reason] - before.get(reason, 0) for reason in after
+            }
+
+    def _dropped(self) -> dict[str, int]:
+        return {
+            f'{stage.partition(":")[0]} {key.partition(": ")[2]}': int(value)
+            for stage, values in self.observer.stages.items()
+            for key, value in values.items()
+            if key.startswith('Dropped: right')
+        }
 
     def busy(self) -> None:
         """Another program takes the left camera while capture is stopped."""
@@ -281,25 +279,15 @@ class Lab:
         return camera.split()[0]
 
     def end(self) -> None:
-        for process in self.suite:
-            process.send_signal(signal.SIGINT)
-        self.results['end'] = {'statuses': [_wait(process) for process in self.suite]}
         for camera in self.cameras.values():
             camera.unplug()
+        self.results['end'] = {'stages': self.observer.stages, 'suite_alive': self.alive}
         (self.out / 'results.json').write_text(json.dumps(self.results, indent=1))
 
 
-def _wait(process: subprocess.Popen[bytes]) -> int | None:
-    try:
-        return process.wait(20.0)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return None
-
-
-def main(scene: Path, out: Path) -> None:
+def main(scene: Path, out: Path, processes: list[int]) -> None:
     """Go through it all."""
-    lab = Lab(scene, out)
+    lab = Lab(scene, out, processes)
     try:
         for act in (
             lab.missing_at_start,
@@ -317,4 +305,4 @@ def main(scene: Path, out: Path) -> None:
 
 
 if __name__ == '__main__':
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(Path(sys.argv[1]), Path(sys.argv[2]), [int(word) for word in sys.argv[3:]])

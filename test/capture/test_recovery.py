@@ -115,6 +115,8 @@ def test_it_streams_again_after_a_stop(bench):
     steady = bench.run(bench.camera())
     bench.wait_for_frames()
     bench.end()
+    assert list(steady.frames()) == []
+    steady.resume()
     bench.run(steady)
     bench.wait_for_frames()
 

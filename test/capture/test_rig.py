@@ -75,6 +75,14 @@ def test_frames_of_both_sides_arrive_and_are_paired(build):
     assert not rig.running
 
 
+def test_stopping_right_after_the_start_is_no_trap(build):
+    rig = build()
+    for _ in range(20):
+        rig.start()
+        rig.stop()
+    assert not rig.running
+
+
 def test_two_names_for_one_camera_are_refused(build):
     options = CaptureOptions(
         left=LeftOptions(device='S1'),
