@@ -82,6 +82,13 @@ def calibrate_camera(
     first = adjust(state, poses, own, free, prior, robust=False)
     free[:] = True
     fit = adjust(first.state, first.poses, own, free, prior, robust=robust)
+    if _outlying(fit, own):
+        # A small board has a second, mirrored pose that fits nearly as well; before the lens was
+        # known the wrong one may have been taken.
+        camera = fit.state.cameras[0]
+        again = [guess_pose(camera, view.points, view.pixels[0]) for view in own]
+        poses = [new or old for new, old in zip(again, fit.poses, strict=True)]
+        fit = adjust(fit.state, poses, own, free, prior, robust=robust)
     return CameraFit(fit, tuple(own), _outlying(fit, own))
 
 

@@ -1,0 +1,279 @@
+"""Time and truth of the calibrations, beside OpenCV's, on rendered pictures and simulated rigs.
+
+python bench/calibration.py                 both tables
+python bench/calibration.py --rigs 500      more rigs in the second one
+python bench/calibration.py --only stereo   the first alone
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from binopos_ros.calibration.adjust import View
+from binopos_ros.calibration.board import Board
+from binopos_ros.calibration.covariance import ParameterCovariance, calibration_covariances
+from binopos_ros.calibration.gather import find_boards
+from binopos_ros.calibration.interface import InterfaceGuess, calibrate_interface
+from binopos_ros.calibration.sources import PicturePair, open_pictures
+from binopos_ros.calibration.state import RigState, exponential
+from binopos_ros.calibration.stereo import calibrate_stereo
+from binopos_ros.cli import main as binopos
+from binopos_ros.optics import (
+    FlatInterface,
+    PinholeCamera,
+    StereoRig,
+    read_camera_info,
+    stereo_from_camera_infos,
+)
+from binopos_ros.triangulation import triangulate
+
+BOARD = Board('chessboard', 9, 6, 0.02)
+SIZE = (1280, 960)
+PAIRS = 40
+NOISE = 0.1  # px
+KINDS = ('surface', 'wall', 'ports')
+#: 95 % quantiles of chi^2 with 4 and 7 degrees of freedom.
+REGION = {4: 9.488, 7: 14.067}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to calibrate: seconds, errors of focal length (px) and baseline (mm), RMS (px)."""
+
+    name: str
+    seconds: float
+    focal: float
+    baseline: float
+    rms: float
+
+
+def stereo_table(folder: Path) -> str:
+    """40 rendered pairs of 1280 x 960: this suite and OpenCV's functions."""
+    bag = folder / 'dry'
+    line = f'simulate -o {bag} --board 9x6 --air --pairs {PAIRS} --rate 2 --seed 1'
+    if binopos(line.split()) != 0:
+        raise SystemExit('the pictures could not be rendered')
+    infos = [read_camera_info(bag / f'{side}.yaml') for side in ('left', 'right')]
+    left, _, _, translation = stereo_from_camera_infos(*infos)
+    pictures = open_pictures(bag).pairs
+    focal, baseline = left.matrix[0, 0], float(np.linalg.norm(translation))
+    rows = [ours(pictures, focal, baseline), opencv(pictures, focal, baseline)]
+    lines = [
+        f'{PAIRS} pairs of {SIZE[0]} x {SIZE[1]}, errors against the rendered truth',
+        '| | s | ratio | focal (px) | baseline (mm) | RMS (px) |',
+        '|---|---|---|---|---|---|',
+    ]
+    lines += [
+        f'| {row.name} | {row.seconds:.1f} | {row.seconds / rows[1].seconds:.2f} '
+        f'| {row.focal:+.2f} | {row.baseline:+.3f} | {row.rms:.3f} |'
+        for row in rows
+    ]
+    return '\n'.join(lines)
+
+
+def ours(pictures: tuple[PicturePair, ...], focal: float, baseline: float) -> Row:
+    """`binopos calibrate stereo`, cross-validation and lens test included."""
+    start = time.perf_counter()
+    pairs, sizes = find_boards(pictures, BOARD)
+    result = calibrate_stereo(pairs, BOARD, sizes)
+    seconds = time.perf_counter() - start
+    length = float(np.linalg.norm(result.state.translation))
+    return Row(
+        'binopos calibrate stereo',
+        seconds,
+        float(result.state.cameras[0].focal[0]) - focal,
+        1000.0 * (length - baseline),
+        result.adjustment.rms(),
+    )
+
+
+def opencv(pictures: tuple[PicturePair, ...], focal: float, baseline: float) -> Row:
+    """The usual script: corners with an 11 px window, each camera, then the pair together."""
+    start = time.perf_counter()
+    found: list[list[np.ndarray]] = [[], []]
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    for pair in pictures:
+        corners = []
+        for load in (pair.left, pair.right):
+            image = load()
+            good, rough = cv2.findChessboardCorners(image, BOARD.shape, flags=flags)
+            if good:
+                criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 1e-3)
+                corners.append(cv2.cornerSubPix(image, rough, (11, 11), (-1, -1), criteria))
+        if len(corners) == 2:
+            found[0].append(corners[0])
+            found[1].append(corners[1])
+    points = [BOARD.points.astype(np.float32)] * len(found[0])
+    single = [cv2.calibrateCamera(points, f, SIZE, np.eye(3), np.zeros(5)) for f in found]
+    rms, matrix, *_, translation, _, _ = cv2.stereoCalibrate(
+        points,
+        *found,
+        single[0][1],
+        single[0][2],
+        single[1][1],
+        single[1][2],
+        SIZE,
+        flags=cv2.CALIB_USE_INTRINSIC_GUESS,
+    )
+    seconds = time.perf_counter() - start
+    length = float(np.linalg.norm(translation))
+    return Row(
+        f'OpenCV {cv2.__version__} functions',
+        seconds,
+        float(matrix[0, 0]) - focal,
+        1000.0 * (length - baseline),
+        float(rms),
+    )
+
+
+def interface_table(rigs: int, views: int) -> str:
+    """Simulated rigs, as many of each kind: errors, stated deviations, coverage, positions."""
+    lines = [
+        f'{rigs} rigs, {views} views of the {BOARD} tilted by 15-55 degrees, {NOISE} px',
+        '| | index | normal (deg) | distance (mm) | in the 95 % region | position / bound | '
+        'position / exact rig |',
+        '|---|---|---|---|---|---|---|',
+    ]
+    whole: list[bool] = []
+    for kind in KINDS:
+        errors: dict[str, list[float]] = {'index': [], 'normal': [], 'distance': []}
+        inside: list[bool] = []
+        squares: list[tuple[float, float, float]] = []
+        for seed in range(rigs // len(KINDS)):
+            rng = np.random.default_rng(50_000 + seed)
+            rig, depths = make_rig(kind, rng)
+            truth = RigState.of(rig)
+            seen = see_boards(rig, depths, rng, views)
+            air = replace(truth, interfaces={})
+            result = calibrate_interface(air, seen, guesses_for(rig))
+            error = -truth.minus(result.state)
+            own = [
+                i
+                for i, name in enumerate(result.state.names)
+                if name in result.prior and 'thick' not in name and 'indices' not in name
+            ]
+            for i in own:
+                errors[next(k for k in errors if k in result.state.names[i])].append(error[i])
+            block = result.covariance[np.ix_(own, own)]
+            inside.append(bool(error[own] @ np.linalg.solve(block, error[own]) < REGION[len(own)]))
+            squares.append(position_squares(rig, depths, result.state, result.covariance, rng))
+        whole += inside
+        rms = {name: float(np.sqrt(np.mean(np.square(e)))) for name, e in errors.items()}
+        error_square, bound, exact = np.mean(squares, axis=0)
+        lines.append(
+            f'| {kind} | {rms["index"]:.4f} | {np.degrees(rms["normal"]):.3f} '
+            f'| {1000 * rms["distance"]:.2f} | {100 * np.mean(inside):.1f} % '
+            f'| {np.sqrt(error_square / bound):.2f} | {np.sqrt(error_square / exact):.2f} |'
+        )
+    lines.append(f'\nin the stated 95 % region: {100 * np.mean(whole):.1f} % of {len(whole)} runs')
+    return '\n'.join(lines)
+
+
+def position_squares(
+    rig: StereoRig,
+    depths: tuple[float, float],
+    state: RigState,
+    covariance: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[float, float, float]:
+    """Mean squares (m^2): an independent target's error, its bound, the bound of an exact rig."""
+    depth = rng.uniform(*depths, 100)
+    centre = -rig.rotation.T @ rig.translation / 2.0
+    aside = rng.uniform(-0.15, 0.15, (100, 2)) * depth[:, None]
+    points = np.column_stack([centre[:2] + aside, depth])
+    pixels = [p + rng.normal(scale=NOISE, size=p.shape) for p in rig.project(points)]
+    pixel = NOISE**2 * np.eye(2)
+    found = triangulate(state.rig(), *pixels, pixel, pixel)
+    good = found.reasons == ''
+    known = ParameterCovariance(state.names, covariance)
+    added = calibration_covariances(state, found.points[good], known)
+    exact = np.trace(found.covariances[good], axis1=1, axis2=2)
+    square = np.sum((found.points[good] - points[good]) ** 2, axis=1)
+    bound = exact + np.trace(added, axis1=1, axis2=2)
+    return float(square.mean()), float(bound.mean()), float(exact.mean())
+
+
+def make_rig(kind: str, rng: np.random.Generator) -> tuple[StereoRig, tuple[float, float]]:
+    """A rig that looks through a surface, a tank's wall or ports, and its targets' depths."""
+    focal = rng.uniform(800.0, 1000.0)
+    matrix = np.array([[focal, 0.0, 639.5], [0.0, focal, 479.5], [0.0, 0.0, 1.0]])
+    camera = PinholeCamera(matrix, [-0.1, 0.05, 0.001, -0.001, 0.01], SIZE)
+    water = rng.uniform(1.325, 1.345)
+    baseline, turn = (0.12, 0.05) if kind == 'ports' else (0.23, 0.12)
+    rotation = exponential(np.array([0.0, turn, 0.0]))
+    slopes = rng.normal(size=(2, 2)) * np.radians(2.0 if kind == 'ports' else 5.0)
+    if kind == 'surface':
+        distance = rng.uniform(0.7, 0.9)
+        surfaces = {'interface': FlatInterface([*slopes[0], 1.0], distance, (1.0, water))}
+        depths = (distance + 0.15, distance + 0.5)
+    elif kind == 'wall':
+        distance = rng.uniform(0.5, 0.7)
+        wall = FlatInterface([*slopes[0], 1.0], distance, (1.0, 1.49, water), (0.012,))
+        surfaces = {'interface': wall}
+        depths = (distance + 0.16, distance + 0.5)
+    else:
+        surfaces = {
+            place: FlatInterface(
+                [*slope, 1.0], rng.uniform(0.02, 0.05), (1.0, 1.47, water), (0.008,)
+            )
+            for place, slope in zip(('left_port', 'right_port'), slopes, strict=True)
+        }
+        depths = (0.45, 0.9)
+    return StereoRig(
+        camera, camera, rotation, -rotation @ [baseline, 0.0, 0.0], **surfaces
+    ), depths
+
+
+def see_boards(
+    rig: StereoRig, depths: tuple[float, float], rng: np.random.Generator, count: int
+) -> list[View]:
+    """Boards of mixed tilts, whole in both pictures."""
+    middle = BOARD.points.mean(axis=0)
+    centre = -rig.rotation.T @ rig.translation / 2.0
+    views: list[View] = []
+    while len(views) < count:
+        tilt, about = np.radians(rng.uniform(15.0, 55.0)), rng.uniform(0.0, 2.0 * np.pi)
+        turned = exponential(tilt * np.array([np.cos(about), np.sin(about), 0.0]))
+        turned = turned @ exponential(np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)]))
+        depth = rng.uniform(*depths)
+        aside = depth * rng.uniform([-0.15, -0.1], [0.15, 0.1])
+        place = np.array([centre[0] + aside[0], aside[1], depth])
+        seen = rig.project((BOARD.points - middle) @ turned.T + place)
+        if all(np.isfinite(p).all() and (p > 5).all() and (p < [1275, 955]).all() for p in seen):
+            noisy = tuple(p + rng.normal(scale=NOISE, size=p.shape) for p in seen)
+            views.append(View(f'{len(views)}', BOARD.points, noisy))
+    return views
+
+
+def guesses_for(rig: StereoRig) -> list[InterfaceGuess]:
+    """What a user knows: glass and its thickness, about the water, no distance, no tilt."""
+    return [
+        InterfaceGuess(place, (1.0, *surface.indices[1:-1], 1.333), surface.thicknesses)
+        for place in ('interface', 'left_port', 'right_port')
+        if (surface := getattr(rig, place)) is not None
+    ]
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--rigs', type=int, default=150)
+    parser.add_argument('--views', type=int, default=10)
+    parser.add_argument('--only', choices=('stereo', 'interface'))
+    arguments = parser.parse_args()
+    if arguments.only != 'interface':
+        with tempfile.TemporaryDirectory() as folder:
+            print(stereo_table(Path(folder)), end='\n\n')
+    if arguments.only != 'stereo':
+        print(interface_table(arguments.rigs, arguments.views))
+
+
+if __name__ == '__main__':
+    main()
