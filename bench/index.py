@@ -126,7 +126,7 @@ def speed(test: ModuleType) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--runs', type=int, default=1000, help='per setting; 0: speed alone')
+    parser.add_argument('--runs', type=int, default=400, help='per setting; 0: speed alone')
     runs = parser.parse_args().runs
     test = settings_of_the_test()
     if runs:
