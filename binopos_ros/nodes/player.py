@@ -11,12 +11,12 @@ from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from binopos_ros.bag import BagError, BagReader, Record, TopicInfo
+from binopos_ros.bag import BagError, BagReader, Record
 from binopos_ros.bag.playback import (
     PlayerOptions,
     ReadAhead,
@@ -25,7 +25,8 @@ from binopos_ros.bag.playback import (
     chosen_topics,
 )
 from binopos_ros.nodes.diagnostics import StageDiagnostics
-from binopos_ros.nodes.interfaces import installed_class
+from binopos_ros.nodes.interfaces import playable_class
+from binopos_ros.nodes.offers import profile_offered
 from binopos_ros.nodes.shell import RCLError, StageNode, one_line, run
 
 #: What the stages subscribe to, foremost first: a bag that holds the first plays through all.
@@ -34,8 +35,6 @@ INPUTS = (
     ('left/centroid', 'right/centroid', 'camera_info'),
     ('target/position',),
 )
-#: Enough for a second of images and centroids while a subscriber is held up.
-DEPTH = 30
 #: A publisher sees a subscriber before that subscriber has seen it; the rest comes within this.
 SETTLING = 0.3
 POLL = 0.02
@@ -150,13 +149,13 @@ class Player:
         publishers: dict[str, Publisher] = {}
         for topic in chosen_topics(self._reader, self.options.topics):
             info = self._reader.topics[topic]
-            message_class, reason = _message_class(info)
+            message_class, reason = playable_class(info)
             if message_class is not None:
                 try:
                     publishers[topic] = self._node.create_publisher(
                         message_class,
                         self.options.published_name(topic),
-                        offered_qos(info),
+                        profile_offered(info.qos),
                         qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                     )
                 except InvalidTopicNameException as error:
@@ -385,33 +384,6 @@ class PlayerNode(StageNode):
             'Farthest behind schedule (ms)': f'{self._player.latest * 1e3:.1f}',
             **{f'Skipped {topic}': why for topic, why in self._player.skipped.items()},
         }
-
-
-def offered_qos(info: TopicInfo) -> QoSProfile:
-    """What the recorded publishers offered where they agreed; reliable and volatile elsewhere."""
-    offers = {(offer.reliability, offer.durability) for offer in info.qos}
-    reliability, durability = offers.pop() if len(offers) == 1 else ('reliable', 'volatile')
-    return QoSProfile(
-        depth=DEPTH,
-        reliability=(
-            QoSReliabilityPolicy.BEST_EFFORT
-            if reliability == 'best_effort'
-            else QoSReliabilityPolicy.RELIABLE
-        ),
-        durability=(
-            QoSDurabilityPolicy.TRANSIENT_LOCAL
-            if durability == 'transient_local'
-            else QoSDurabilityPolicy.VOLATILE
-        ),
-    )
-
-
-def _message_class(info: TopicInfo) -> tuple[type | None, str]:
-    """The installed class of a topic's type, or None and why there is none."""
-    if info.encoding != 'cdr':
-        return None, f"its messages are encoded as '{info.encoding}', not as 'cdr'"
-    message_class = installed_class(info.type)
-    return message_class, '' if message_class else f'message type {info.type} is not installed'
 
 
 def _answering(

@@ -7,19 +7,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.event_handler import QoSMessageLostInfo, SubscriptionEventCallbacks
-from rclpy.qos import (
-    QoSDurabilityPolicy,
-    QoSProfile,
-    QoSReliabilityPolicy,
-)
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from binopos_ros.bag import BagError
 from binopos_ros.bag.definitions import Definition, definition_of, installed_definition
-from binopos_ros.bag.qos import INFINITE_NS, Qos
 from binopos_ros.bag.recording import RecorderOptions, Recording
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.interfaces import installed_class
+from binopos_ros.nodes.offers import offer_of, profile_requested
 from binopos_ros.nodes.shell import RCLError, StageNode, run
 
 #: The suite's topics, relative to the node's namespace.
@@ -36,8 +31,6 @@ SUITE = (
     'target/markers',
     '/diagnostics',
 )
-#: Three seconds of images while the recorder is held up.
-DEPTH = 100
 #: Seconds between looks at what is published.
 DISCOVERY = 0.2
 
@@ -118,13 +111,13 @@ class RecorderNode(StageNode):
             return
         self._recorded.add(topic)
         self._recording.add_topic(
-            topic, type_name, tuple(_offer(offer.qos_profile) for offer in offers), definition
+            topic, type_name, tuple(offer_of(offer.qos_profile) for offer in offers), definition
         )
         self.create_subscription(
             message_class,
             topic,
             self._taking(topic),
-            requested_qos([offer.qos_profile for offer in offers]),
+            profile_requested([offer.qos_profile for offer in offers]),
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._losing(topic)),
         )
@@ -153,36 +146,6 @@ class RecorderNode(StageNode):
             'Topics': len(self._recorded),
             **{f'Lost {topic}': count for topic, count in sorted(self._lost.items())},
         }
-
-
-def requested_qos(offers: Sequence[QoSProfile]) -> QoSProfile:
-    """What to ask for so that every publisher is heard, and the most that all of them offer."""
-    reliable = all(offer.reliability == QoSReliabilityPolicy.RELIABLE for offer in offers)
-    kept = all(offer.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
-    return QoSProfile(
-        depth=DEPTH,
-        reliability=(
-            QoSReliabilityPolicy.RELIABLE if reliable else QoSReliabilityPolicy.BEST_EFFORT
-        ),
-        durability=(QoSDurabilityPolicy.TRANSIENT_LOCAL if kept else QoSDurabilityPolicy.VOLATILE),
-    )
-
-
-def _offer(profile: QoSProfile) -> Qos:
-    return Qos(
-        reliability=profile.reliability.name.lower(),
-        durability=profile.durability.name.lower(),
-        history=profile.history.name.lower(),
-        depth=profile.depth,
-        liveliness=profile.liveliness.name.lower(),
-        deadline_ns=_duration(profile.deadline.nanoseconds),
-        lifespan_ns=_duration(profile.lifespan.nanoseconds),
-        liveliness_lease_ns=_duration(profile.liveliness_lease_duration.nanoseconds),
-    )
-
-
-def _duration(nanoseconds: int) -> int:
-    return nanoseconds if 0 < nanoseconds < INFINITE_NS else INFINITE_NS
 
 
 def _definition(type_name: str, offers: Sequence[TopicEndpointInfo]) -> Definition:

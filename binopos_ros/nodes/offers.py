@@ -1,0 +1,58 @@
+"""Quality of service between bags and topics: what to offer, what to ask for, what was offered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
+
+from binopos_ros.bag.qos import INFINITE_NS, Qos
+
+#: Enough for a second of images and centroids while a subscriber is held up.
+OFFERED_DEPTH = 30
+#: Three seconds of images while the recorder is held up.
+REQUESTED_DEPTH = 100
+
+
+def profile_offered(recorded: Sequence[Qos]) -> QoSProfile:
+    """What the recorded publishers offered where they agreed; reliable and volatile elsewhere."""
+    offers = {(offer.reliability, offer.durability) for offer in recorded}
+    reliability, durability = offers.pop() if len(offers) == 1 else ('reliable', 'volatile')
+    return _profile(OFFERED_DEPTH, reliability != 'best_effort', durability == 'transient_local')
+
+
+def profile_requested(offers: Sequence[QoSProfile]) -> QoSProfile:
+    """What to ask for so that every publisher is heard: the most that all of them offer."""
+    return _profile(
+        REQUESTED_DEPTH,
+        all(offer.reliability == QoSReliabilityPolicy.RELIABLE for offer in offers),
+        all(offer.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for offer in offers),
+    )
+
+
+def offer_of(profile: QoSProfile) -> Qos:
+    """A publisher's profile as a bag holds it."""
+    return Qos(
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        history=profile.history.name.lower(),
+        depth=profile.depth,
+        liveliness=profile.liveliness.name.lower(),
+        deadline_ns=_duration(profile.deadline.nanoseconds),
+        lifespan_ns=_duration(profile.lifespan.nanoseconds),
+        liveliness_lease_ns=_duration(profile.liveliness_lease_duration.nanoseconds),
+    )
+
+
+def _profile(depth: int, reliable: bool, kept: bool) -> QoSProfile:
+    return QoSProfile(
+        depth=depth,
+        reliability=(
+            QoSReliabilityPolicy.RELIABLE if reliable else QoSReliabilityPolicy.BEST_EFFORT
+        ),
+        durability=(QoSDurabilityPolicy.TRANSIENT_LOCAL if kept else QoSDurabilityPolicy.VOLATILE),
+    )
+
+
+def _duration(nanoseconds: int) -> int:
+    return nanoseconds if 0 < nanoseconds < INFINITE_NS else INFINITE_NS
