@@ -542,6 +542,8 @@ def test_a_real_rig_whose_epipolar_errors_are_systematic_is_not_overconfident(sh
     considered = run(IndexEstimator(1.34, 0.03, calibration_std=0.5), rig, pixels, std=0.2)[-1]
     assert abs(considered.mean - 1.333) < 3 * considered.std
     blind = run(IndexEstimator(1.34, 0.03), rig, pixels, std=0.2)[-1]
+    for name, state in (('considered', considered), ('taken for noise', blind)):
+        print(f'{name}: {state.mean:.3f} +- {state.std:.3f}')
     assert blind.std < considered.std
     assert abs(blind.mean - 1.333) > 3 * blind.std
 
