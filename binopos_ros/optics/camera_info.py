@@ -155,7 +155,7 @@ def write_camera_info(path: PathLike, info: CameraInfo) -> None:
     lines = [
         f'image_width: {info.width}',
         f'image_height: {info.height}',
-        f'camera_name: {yaml.safe_dump(info.name, default_style=None).splitlines()[0]}',
+        f'camera_name: {_one_line(info.name)}',
         *_matrix('camera_matrix', 3, 3, info.k),
         f'distortion_model: {info.distortion_model}',
         *_matrix('distortion_coefficients', 1, len(info.d), info.d),
@@ -380,6 +380,11 @@ def _camera_of_ost(
         r=numbers['rectification'],
         p=numbers['projection'],
     )
+
+
+def _one_line(name: str) -> str:
+    """Quote a name where YAML needs it, never over several lines."""
+    return str(yaml.safe_dump(name, width=math.inf)).split('\n', maxsplit=1)[0]
 
 
 def _matrix(key: str, rows: int, columns: int, values: Sequence[float]) -> list[str]:

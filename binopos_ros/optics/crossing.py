@@ -15,8 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.optics.interface import tangents
-
 FloatArray = NDArray[np.float64]
 
 MAX_ITERATIONS = 100
@@ -25,13 +23,18 @@ SNELL_TOLERANCE = 1e-12  # of the largest index; a ray that is farther off is no
 
 
 def crossings(
-    normals: FloatArray, offsets: FloatArray, indices: FloatArray, points: FloatArray
+    normals: FloatArray,
+    offsets: FloatArray,
+    bases: FloatArray,
+    indices: FloatArray,
+    points: FloatArray,
 ) -> FloatArray:
     """Return where the rays from the origin to `points` cross the planes.
 
     Args:
         normals: (M, 3) unit normals of the planes in order, M at least 1.
         offsets: (M,) m; plane j is normals[j] . x = offsets[j].
+        bases: (M, 2, 3) two unit vectors in each plane.
         indices: (M + 1,) of the media, the origin's first.
         points: (N, 3) m.
 
@@ -40,7 +43,6 @@ def crossings(
         the crossings lie in the order of the planes is for the caller to judge.
 
     """
-    bases = np.stack([tangents(normal) for normal in normals])  # (M, 2, 3)
     scale = float(indices.max())
     x = _start(normals, offsets, points)
     now = _state(x, points, indices, bases)

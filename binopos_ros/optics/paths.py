@@ -115,7 +115,7 @@ class CrossingPath:
         beyond = known & (targets @ normals[-1] > offsets[-1])
         # Rays that cannot exist are solved for a harmless stand-in and not kept.
         safe = np.where(beyond[:, None], targets, 2.0 * offsets[-1] * normals[-1])
-        x = crossings(normals, offsets, self._indices, safe)
+        x = crossings(normals, offsets, surfaces.bases, self._indices, safe)
         legs = np.diff(x, axis=1, prepend=0.0, append=safe[:, None])
         ahead = np.einsum('nmi,mi->nm', legs[:, :-1], normals) > 0.0
         ahead &= np.einsum('nmi,mi->nm', legs[:, 1:], normals) > 0.0

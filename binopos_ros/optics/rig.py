@@ -96,7 +96,7 @@ class StereoRig:
         of `interface.tangents`), distance and thicknesses.i (m), indices.i. A medium that two
         surfaces share is named once, as the farther one's.
         """
-        left, right = (view.surfaces.seeds().names for view in self.views)
+        left, right = (view.surfaces.seeds.names for view in self.views)
         return tuple(dict.fromkeys(left + right))
 
     def project(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -203,7 +203,7 @@ class StereoRig:
         both = np.zeros((2, len(rows), 2, len(names)))
         with np.errstate(all='ignore'):
             for out, view in zip(both, self.views, strict=True):
-                own = [names.index(name) for name in view.surfaces.seeds().names]
+                own = [names.index(name) for name in view.surfaces.seeds.names]
                 out[:, :, own] = view.parameter_jacobian(rows)
         return both[0], both[1]
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.optics.interface import tangents
 from binopos_ros.optics.surfaces import Surfaces
 
 FloatArray = NDArray[np.float64]
@@ -30,7 +29,7 @@ def image_plane_jacobian(
 
     Returns:
         (N, 2, 3) with respect to the target, 1/m, and (N, 2, K) with respect to the parameters, in
-        the order of `surfaces.seeds().names`.
+        the order of `surfaces.seeds.names`.
 
     """
     position, tangent, u = _shoot(surfaces, a, b)
@@ -39,7 +38,7 @@ def image_plane_jacobian(
     reach = (targets - position) @ normal / cosine
     dreach = -(normal @ tangent[0] + reach[:, None] * (normal @ tangent[1])) / cosine[:, None]
     landing = tangent[0] + dreach[:, None, :] * u[:, :, None]
-    landing = tangents(normal) @ (landing + reach[:, None, None] * tangent[1])
+    landing = surfaces.bases[-1] @ (landing + reach[:, None, None] * tangent[1])
     # Moving the target along the ray changes nothing.
     slide = np.eye(3) - u[:, :, None] * (normal / cosine[:, None])[:, None, :]
     by_pixel = landing[:, :, :2]
@@ -47,7 +46,7 @@ def image_plane_jacobian(
     by_pixel[lost] = np.eye(2)
     inverse = np.linalg.inv(by_pixel)
     inverse[lost] = np.nan
-    return inverse @ (tangents(normal) @ slide), -inverse @ landing[:, :, 2:]
+    return inverse @ (surfaces.bases[-1] @ slide), -inverse @ landing[:, :, 2:]
 
 
 def _shoot(
@@ -57,19 +56,21 @@ def _shoot(
 
     The tangents are those of position and direction, (N, 3, 2 + K) each.
     """
-    seeds = surfaces.seeds()
+    seeds = surfaces.seeds
     u = np.stack([a, b, np.ones_like(a)], axis=-1)
     length = np.linalg.norm(u, axis=-1)
     u /= length[:, None]
-    du = np.zeros((len(a), 3, 2 + len(seeds.names)))
+    count = 2 + len(seeds.names)
+    du = np.zeros((len(a), 3, count))
     du[:, :, :2] = (np.eye(3) - u[:, :, None] * u[:, None, :])[:, :, :2] / length[:, None, None]
     x, dx = np.zeros_like(u), np.zeros_like(du)
     for j, normal in enumerate(surfaces.normals):
-        turn = np.pad(seeds.normals[j], ((0, 0), (2, 0)))
-        shift = np.pad(seeds.offsets[j], (2, 0))
+        # How this plane turns, shifts and refracts with a, b and the parameters.
+        turn, shift, dratio = np.zeros((3, count)), np.zeros(count), np.zeros(count)
+        turn[:, 2:], shift[2:] = seeds.normals[j], seeds.offsets[j]
         ratio = surfaces.indices[j] / surfaces.indices[j + 1]
-        dratio = seeds.indices[j] - ratio * seeds.indices[j + 1]
-        dratio = np.pad(dratio / surfaces.indices[j + 1], (2, 0))
+        dratio[2:] = seeds.indices[j] - ratio * seeds.indices[j + 1]
+        dratio /= surfaces.indices[j + 1]
         cosine, dcosine = u @ normal, normal @ du + u @ turn
         reach = (surfaces.offsets[j] - x @ normal) / cosine
         dreach = (shift - normal @ dx - x @ turn - reach[:, None] * dcosine) / cosine[:, None]

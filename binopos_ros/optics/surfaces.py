@@ -7,6 +7,7 @@ parameters of the interfaces.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -122,8 +123,14 @@ class Surfaces:
             ux, uy, uz = ratio * ux + along * nx, ratio * uy + along * ny, ratio * uz + along * nz
         return x, y, z, ux, uy, uz
 
+    @cached_property
+    def bases(self) -> FloatArray:
+        """Two unit vectors in each plane, (planes, 2, 3)."""
+        return np.array([tangents(normal) for normal in self.normals]).reshape(-1, 2, 3)
+
+    @cached_property
     def seeds(self) -> Seeds:
-        """Return how each plane and each index answers to each named parameter."""
+        """How each plane and each index answers to each named parameter."""
         if not self.indices:
             return Seeds((), np.zeros((0, 3, 0)), np.zeros((0, 0)), np.zeros((0, 0)))
         names: list[str] = []

@@ -121,7 +121,7 @@ class View:
             points: (N, 3) of the rig frame, m.
 
         Returns:
-            (N, 2, K) in px per unit, in the order of `surfaces.seeds().names`; nan without a ray.
+            (N, 2, K) in px per unit, in the order of `surfaces.seeds.names`; nan without a ray.
 
         """
         if not len(self.surfaces.offsets):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from binopos_ros.optics import (
@@ -139,6 +139,7 @@ def test_an_ost_file_of_two_cameras_asks_which(folder: Path) -> None:
     name=st.text(st.characters(codec='utf-8', exclude_categories=('Cc', 'Cs')), max_size=20),
     roi=st.tuples(*[st.integers(0, 4000)] * 4, st.booleans()),
 )
+@example([1e22] * 26, '\u2028: #' * 30, (0, 0, 0, 0, False))
 def test_what_is_written_reads_back_to_the_last_bit(
     tmp_path_factory: pytest.TempPathFactory, numbers: list[float], name: str, roi: tuple
 ) -> None:
