@@ -44,9 +44,12 @@ def test_wrong_name_or_option_is_named_in_one_line(name, options, message):
 def test_every_option_tells_its_meaning_and_range_and_its_default_is_tuned(name):
     smoother = make_filter(name)
     for item in dataclasses.fields(smoother.options):
-        low, high = item.metadata['range']
         assert item.metadata['description']
-        assert low <= item.default <= high
+        if isinstance(item.default, str):
+            assert item.default in item.metadata['choices']
+        else:
+            low, high = item.metadata['range']
+            assert low <= item.default <= high
         assert item.default == TUNED.get(name, {}).get(item.name, item.default)
 
 
