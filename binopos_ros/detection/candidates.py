@@ -24,6 +24,7 @@ Window = tuple[int, int, int, int]
 SEARCH_WIDTH = 320
 SHAPE_SIZE = 10
 MAX_SEEDS = 16
+LEAST_SIDE = 3
 NOISE_STEP = 3
 NEIGHBOURS = np.ones((3, 3), np.uint8)
 
@@ -42,7 +43,8 @@ class _Patch:
 def search_factor(frame: Frame) -> int:
     """Give the factor by which a frame is reduced to be searched: 1 or even."""
     factor = 1
-    while max(frame.width, frame.height) / factor > SEARCH_WIDTH * 1.5:
+    shorter, longer = sorted((frame.width, frame.height))
+    while longer / factor > SEARCH_WIDTH * 1.5 and shorter / factor >= 2 * LEAST_SIDE:
         factor *= 2
     return factor
 
@@ -59,6 +61,8 @@ def find(frame: Frame, window: Window, options: DetectorOptions) -> tuple[list[C
     shades = redness(frame.reduced(factor, x0, y0, x1, y1))
     threshold = max(options.min_contrast, options.noise_factor * _noise(shades))
     candidates: list[Candidate] = []
+    if min(shades.shape) < LEAST_SIDE:
+        return candidates, threshold
     for column, row, size in _seeds(shades, threshold):
         patch = _outlined(shades, column, row, size)
         if patch is None:

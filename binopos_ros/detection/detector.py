@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from .candidates import Window, find
+from .candidates import Window, find, search_factor
 from .centre import measure
 from .errors import DetectionError
 from .images import JPEG_DECODER, ColourFrame, Frame, JpegImage, Picture, RawImage, decode
@@ -17,7 +17,7 @@ from .paper import detect_by_extremes
 from .target import Candidate, Detection, Target
 
 TRACK_REACH = 3.0
-TRACK_LEAST = 48
+TRACK_LEAST = 12
 
 
 class Detector:
@@ -76,7 +76,8 @@ class Detector:
         if self._last is None or not self.options.track:
             return None
         centre = self._last.centre + self._motion
-        reach = max(TRACK_REACH * self._last.diameter / 2, TRACK_LEAST) + np.abs(self._motion)
+        least = TRACK_LEAST * search_factor(frame)
+        reach = max(TRACK_REACH * self._last.diameter / 2, least) + np.abs(self._motion)
         low = np.maximum(centre - reach, 0).astype(int)
         high = np.minimum(centre + reach + 1, (frame.width, frame.height)).astype(int)
         if (high - low).min() < 16:

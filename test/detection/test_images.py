@@ -220,3 +220,15 @@ def test_the_detector_does_not_touch_the_message(picture):
     kept = picture.copy()
     Detector().detect_in(ColourFrame(picture))
     assert np.array_equal(picture, kept)
+
+
+@pytest.mark.parametrize('size', [(8, 8), (8, 2000), (3000, 9), (16, 1200)])
+def test_narrow_images_are_searched_too(size):
+    empty = np.full((*size, 3), 120, np.uint8)
+    detector = Detector()
+    for _ in range(2):
+        detection = detector.detect(
+            RawImage(empty.tobytes(), size[1], size[0], 3 * size[1], 'bgr8')
+        )
+        assert detection.target is None
+        assert 'no red patch' in detection.reason
