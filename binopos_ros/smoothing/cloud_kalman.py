@@ -54,7 +54,7 @@ _TURNED = math.tan(math.radians(0.5)) ** 2
 #: Sums over the axes as products: far cheaper than sum() on arrays as small as these.
 _AXES = np.ones(3)
 #: Share of the newest certainty in the trust: wrong detections seldom come in a row.
-_FORGETTING = 0.15
+_FORGETTING = 0.3
 #: Wave variance (m^2) below which there are no waves.
 _CALM = 1e-10
 
