@@ -23,7 +23,7 @@ def add_config_argument(parser: argparse.ArgumentParser) -> None:
         '--config',
         type=Path,
         metavar='FILE',
-        help='ROS 2 parameter file of the nodes; default: the binopos.yaml in the bag, if any',
+        help='ROS 2 parameter file of the nodes; verbs that read a bag take its binopos.yaml',
     )
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
-import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
 import rclpy
-from rclpy.executors import Executor, ExternalShutdownException
+from rclpy.executors import Executor
 from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from binopos_ros.bag import BagReader
 from binopos_ros.bag.playback import PlayerOptions
@@ -22,12 +23,14 @@ from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments
 from binopos_ros.cli.transport import transport_environment
 from binopos_ros.nodes.monitor import Monitor
 from binopos_ros.nodes.player import Player
+from binopos_ros.nodes.shell import stop_on_signals
 from binopos_ros.parameters import build
 from binopos_ros.report import Report
 
 HELP = 'play a bag through the live nodes and report what comes out'
 
 NODES = ('detector', 'triangulator', 'smoother')
+INTERRUPTED = 130
 #: Seconds for the nodes to come up and find each other.
 START = 30.0
 #: Seconds for their connections to settle once all of them are seen.
@@ -53,7 +56,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='begin this long after the start of the bag',
     )
     parser.add_argument(
-        '--topics', nargs='+', default=(), metavar='TOPIC', help='topics to play; default: all'
+        '--topics',
+        nargs='+',
+        default=(),
+        metavar='TOPIC',
+        help="topics to play; default: the rig's images and calibrations, and the truth",
     )
     parser.add_argument(
         '-m',
@@ -73,6 +80,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="publish the bag's time on /clock, and let the nodes use it",
     )
     parser.add_argument(
+        '-p',
+        '--start-paused',
+        action='store_true',
+        help='wait for the service player/resume',
+    )
+    parser.add_argument(
         '--wait-for-all-acked',
         type=int,
         default=1000,
@@ -85,26 +98,28 @@ def main(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     with BagReader(arguments.bag) as reader:
         topics = StereoTopics.find(reader)
-        options = _player_options(arguments)
+        options = _player_options(arguments, topics)
         config = config_of_bag(arguments.config, arguments.bag)
         supervisor = Supervisor(
             NODES, _ros_arguments(arguments, topics.namespace, config), arguments.single_process
         )
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
         os.environ.update(transport_environment())
-        rclpy.init(args=None)
+        stop = stop_on_signals()
+        rclpy.init(args=None, signal_handler_options=SignalHandlerOptions.NO)
         try:
             supervisor.start()
-            return _play(reader, options, topics, supervisor)
-        except (KeyboardInterrupt, ExternalShutdownException):
-            return 130
+            return _play(reader, options, topics, supervisor, stop)
         finally:
             supervisor.stop()
             rclpy.try_shutdown()
 
 
 def _play(
-    reader: BagReader, options: PlayerOptions, topics: StereoTopics, supervisor: Supervisor
+    reader: BagReader,
+    options: PlayerOptions,
+    topics: StereoTopics,
+    supervisor: Supervisor,
+    stop: threading.Event,
 ) -> int:
     report = Report()
     node = rclpy.create_node('player', namespace=topics.namespace)
@@ -115,10 +130,10 @@ def _play(
         executor.add_node(each)
     line = StatusLine()
     try:
-        problem = _wait_for_nodes(executor, monitor, supervisor)
-        if not problem:
+        problem = _wait_for_nodes(executor, monitor, supervisor, stop)
+        if not problem and not stop.is_set():
             player.start()
-            problem = _watch(executor, monitor, player, supervisor, line)
+            problem = _watch(executor, monitor, player, supervisor, line, stop)
     finally:
         line.end()
         player.stop()
@@ -133,14 +148,18 @@ def _play(
         if role in ('compressed', 'raw'):
             report.images[side] += count
     print(report)
+    if stop.is_set():
+        return INTERRUPTED
     return 0 if report.filtered.stamps else 1
 
 
-def _wait_for_nodes(executor: Executor, monitor: Monitor, supervisor: Supervisor) -> str:
+def _wait_for_nodes(
+    executor: Executor, monitor: Monitor, supervisor: Supervisor, stop: threading.Event
+) -> str:
     """Spin until the nodes are connected; '' or why they are not."""
     deadline = time.monotonic() + START
     settled: float | None = None
-    while settled is None or time.monotonic() < settled:
+    while not stop.is_set() and (settled is None or time.monotonic() < settled):
         executor.spin_once(timeout_sec=0.05)
         if problem := supervisor.poll():
             return problem
@@ -158,10 +177,11 @@ def _watch(
     player: Player,
     supervisor: Supervisor,
     line: StatusLine,
+    stop: threading.Event,
 ) -> str:
     """Spin until the bag is played and all that it led to has arrived; '' or what went wrong."""
     finished: float | None = None
-    while True:
+    while not stop.is_set():
         executor.spin_once(timeout_sec=0.05)
         if problem := supervisor.poll():
             return problem
@@ -172,10 +192,11 @@ def _watch(
         finished = finished or now
         newest = max(finished, monitor.last_pose)
         if now - newest > DRAIN and monitor.heard_since(newest):
-            return player.error
+            break
+    return player.error
 
 
-def _player_options(arguments: argparse.Namespace) -> PlayerOptions:
+def _player_options(arguments: argparse.Namespace, topics: StereoTopics) -> PlayerOptions:
     return build(
         PlayerOptions,
         {
@@ -183,9 +204,10 @@ def _player_options(arguments: argparse.Namespace) -> PlayerOptions:
             'rate': arguments.rate,
             'loop': arguments.loop,
             'start_offset': arguments.start_offset,
-            'topics': tuple(arguments.topics),
+            'topics': tuple(arguments.topics) or tuple(topics.roles),
             'remap': tuple(arguments.remap),
             'clock': arguments.clock,
+            'start_paused': arguments.start_paused,
             'wait_for_all_acked': arguments.wait_for_all_acked,
         },
     )

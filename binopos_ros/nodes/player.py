@@ -1,316 +1,17 @@
-"""The player node: a bag's messages on their topics, serialised as they were recorded."""
+"""The player node: plays a bag, and takes orders as services."""
 
 from __future__ import annotations
 
-import threading
-import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 
-from rclpy.duration import Duration
-from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
-from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from binopos_ros.bag import BagError, BagReader, Record
-from binopos_ros.bag.playback import (
-    PlayerOptions,
-    ReadAhead,
-    Schedule,
-    absolute,
-    chosen_topics,
-)
+from binopos_ros.bag import BagError, BagReader
+from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.nodes.diagnostics import StageDiagnostics
-from binopos_ros.nodes.interfaces import playable_class
-from binopos_ros.nodes.offers import profile_offered
-from binopos_ros.nodes.shell import RCLError, StageNode, one_line, run
-
-#: What the stages subscribe to, foremost first: a bag that holds the first plays through all.
-INPUTS = (
-    ('image_raw', 'image_raw/compressed', 'camera_info'),
-    ('left/centroid', 'right/centroid', 'camera_info'),
-    ('target/position',),
-)
-#: A publisher sees a subscriber before that subscriber has seen it; the rest comes within this.
-SETTLING = 0.3
-POLL = 0.02
-
-
-class Player:
-    """Plays a bag through publishers of a node, in a thread of its own.
-
-    `start` returns at once. The thread waits for subscribers, plays, waits for acknowledgements
-    and sets `finished`. The node must not be destroyed before `stop` has returned.
-
-    Attributes:
-        counts: messages published so far, by their topic in the bag.
-        skipped: topics that are not played, and why.
-        latest: the farthest that a message was behind its schedule, in seconds.
-        error: why playing broke off, '' where it did not.
-        finished: set when nothing more will be published.
-
-    Raises:
-        BagError: a topic that is asked for is not in the bag, or nothing can be played.
-    """
-
-    def __init__(
-        self, node: Node, reader: BagReader, options: PlayerOptions | None = None
-    ) -> None:
-        self.options = options or PlayerOptions()
-        self.counts: Counter[str] = Counter()
-        self.skipped: dict[str, str] = {}
-        self.latest = 0.0
-        self.error = ''
-        self.finished = threading.Event()
-        self._node = node
-        self._reader = reader
-        self._schedule = Schedule(time.monotonic, self.options.rate)
-        self._changed = threading.Condition()
-        self._stopped = False
-        self._steps = 0
-        self._publishers = self._make_publishers()
-        self._clock = (
-            node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
-            if self.options.clock > 0
-            else None
-        )
-        self._next_tick = 0.0
-        self._thread = threading.Thread(target=self._run, name='bag-player', daemon=True)
-        if self.options.start_paused:
-            self._schedule.pause()
-
-    @property
-    def published(self) -> int:
-        """Messages published so far."""
-        return self.counts.total()
-
-    @property
-    def topics(self) -> list[str]:
-        """Names in the bag of the topics that are played."""
-        return list(self._publishers)
-
-    @property
-    def paused(self) -> bool:
-        """Whether the bag's time is held."""
-        return self._schedule.paused
-
-    def start(self) -> None:
-        """Begin to play."""
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Break off, if it is not finished; returns when nothing more is published."""
-        with self._changed:
-            self._stopped = True
-            self._changed.notify()
-        if self._thread.is_alive():
-            self._thread.join()
-
-    def wall_time_of(self, stamp_ns: int) -> float | None:
-        """When the bag's time was or will be `stamp_ns`, in seconds of `time.monotonic`.
-
-        None before the first message is due. While a bag loops, the current round counts.
-        """
-        with self._changed:
-            return self._schedule.world_of(stamp_ns) if self._schedule.started else None
-
-    def pause(self) -> None:
-        """Hold the bag's time."""
-        with self._changed:
-            self._schedule.pause()
-            self._changed.notify()
-
-    def resume(self) -> None:
-        """Let the bag's time run on."""
-        with self._changed:
-            self._schedule.resume()
-            self._changed.notify()
-
-    def set_rate(self, rate: float) -> None:
-        """Change the speed."""
-        with self._changed:
-            self._schedule.set_rate(rate)
-            self._changed.notify()
-
-    def play_next(self) -> bool:
-        """Publish one message of a paused bag; False where it is not paused."""
-        with self._changed:
-            if not self._schedule.paused or self.finished.is_set():
-                return False
-            self._steps += 1
-            self._changed.notify()
-            return True
-
-    def _make_publishers(self) -> dict[str, Publisher]:
-        publishers: dict[str, Publisher] = {}
-        for topic in chosen_topics(self._reader, self.options.topics):
-            info = self._reader.topics[topic]
-            message_class, reason = playable_class(info)
-            if message_class is not None:
-                try:
-                    publishers[topic] = self._node.create_publisher(
-                        message_class,
-                        self.options.published_name(topic),
-                        profile_offered(info.qos),
-                        qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-                    )
-                except InvalidTopicNameException as error:
-                    reason = f'its name is invalid: {one_line(error)}'
-            if reason:
-                self.skipped[topic] = reason
-                self._node.get_logger().warning(f'topic {topic} is not played: {reason}')
-        if not publishers:
-            reasons = '; '.join(f'{topic}: {why}' for topic, why in self.skipped.items())
-            message = f'{self._reader.path}: nothing to play ({reasons or "no topics"})'
-            raise BagError(message)
-        return publishers
-
-    def _run(self) -> None:
-        try:
-            self._wait_for_subscribers()
-            rounds = 0
-            while not self._stopped and (rounds == 0 or self.options.loop):
-                rounds += 1
-                self._play_round()
-            if not self._stopped:
-                self._wait_for_acknowledgements()
-        except BagError as error:
-            self.error = str(error)
-            self._node.get_logger().error(str(error))
-        except RCLError as error:
-            # A signal ends the context under a message that is just being published.
-            if self._node.context.ok():
-                self.error = one_line(error)
-                self._node.get_logger().error(self.error)
-        finally:
-            self.finished.set()
-
-    def _play_round(self) -> None:
-        start_ns = self._reader.start_ns + round(self.options.start_offset * 1e9)
-        if start_ns > self._reader.end_ns and self._reader.message_count:
-            length = (self._reader.end_ns - self._reader.start_ns) * 1e-9
-            message = (
-                f'{self._reader.path}: start offset {self.options.start_offset:g} s lies behind '
-                f'the end of the bag, which is {length:.1f} s long'
-            )
-            raise BagError(message)
-        for record in self._standing_before(start_ns):
-            self._publish(record)
-        with self._changed:
-            self._schedule.start(start_ns)
-        ahead = ReadAhead(lambda: self._reader.messages(self._publishers, start_ns))
-        try:
-            for record in ahead:
-                if not self._wait_until(record.stamp_ns):
-                    return
-                self._publish(record)
-        finally:
-            ahead.stop()
-
-    def _standing_before(self, start_ns: int) -> list[Record]:
-        """The last message of each topic whose messages hold until the next: calibrations."""
-        standing = [
-            topic
-            for topic in self._publishers
-            if self._reader.topics[topic].type == 'sensor_msgs/msg/CameraInfo'
-            or any(
-                offer.durability == 'transient_local' for offer in self._reader.topics[topic].qos
-            )
-        ]
-        last: dict[str, Record] = {}
-        if standing and start_ns > self._reader.start_ns:
-            for record in self._reader.messages(standing):
-                if record.stamp_ns >= start_ns:
-                    break
-                last[record.topic] = record
-        return list(last.values())
-
-    def _wait_until(self, stamp_ns: int) -> bool:
-        """Sleep until a message is due or stepped to; False where the player was stopped."""
-        with self._changed:
-            while not self._stopped:
-                now = time.monotonic()
-                self._tick(now)
-                if self._schedule.paused:
-                    if self._steps:
-                        self._steps -= 1
-                        self._schedule.skip_to(stamp_ns)
-                        return True
-                    self._changed.wait(self._until_tick(now, None))
-                    continue
-                remaining = self._schedule.world_of(stamp_ns) - now
-                if remaining <= 0:
-                    self.latest = max(self.latest, -remaining)
-                    return True
-                self._changed.wait(self._until_tick(now, remaining))
-        return False
-
-    def _publish(self, record: Record) -> None:
-        self._publishers[record.topic].publish(record.data)
-        self.counts[record.topic] += 1
-
-    def _tick(self, now: float) -> None:
-        if self._clock is None or now < self._next_tick:
-            return
-        self._next_tick = max(self._next_tick + 1 / self.options.clock, now)
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(self._schedule.now_ns(), 10**9)
-        self._clock.publish(message)
-
-    def _until_tick(self, now: float, seconds: float | None) -> float | None:
-        if self._clock is None:
-            return seconds
-        tick = max(self._next_tick - now, 0.0)
-        return tick if seconds is None else min(seconds, tick)
-
-    def _wait_for_subscribers(self) -> None:
-        awaited = self._awaited()
-        deadline = time.monotonic() + self.options.wait_for_subscribers
-        while not self._stopped and (missing := self._unmatched(awaited)):
-            if time.monotonic() >= deadline:
-                if self.options.wait_for_subscribers > 0:
-                    self._node.get_logger().warning(
-                        f'nobody subscribes to {", ".join(missing)}: playing anyway'
-                    )
-                return
-            time.sleep(POLL)
-        if not self._stopped and self.options.wait_for_subscribers > 0:
-            time.sleep(SETTLING)
-
-    def _awaited(self) -> list[str]:
-        for names in INPUTS:
-            found = [topic for topic in self._publishers if absolute(topic).endswith(names)]
-            if any(not topic.endswith('camera_info') for topic in found):
-                return found
-        return []
-
-    def _unmatched(self, awaited: list[str]) -> list[str]:
-        """Awaited topics without a subscriber; where none is awaited, all until one has one."""
-        counts = {
-            topic: publisher.get_subscription_count()
-            for topic, publisher in self._publishers.items()
-        }
-        if awaited:
-            return [topic for topic in awaited if counts[topic] == 0]
-        return [] if any(counts.values()) else list(counts)
-
-    def _wait_for_acknowledgements(self) -> None:
-        milliseconds = self.options.wait_for_all_acked
-        if milliseconds < 0:
-            return
-        deadline = time.monotonic() + milliseconds * 1e-3
-        for topic, publisher in self._publishers.items():
-            # In short waits, so that a stop is heeded.
-            while not self._stopped and not publisher.wait_for_all_acked(Duration(seconds=0.1)):
-                if milliseconds and time.monotonic() >= deadline:
-                    self._node.get_logger().warning(
-                        f'not every subscriber acknowledged {topic} within {milliseconds} ms'
-                    )
-                    return
+from binopos_ros.nodes.playing import Player
+from binopos_ros.nodes.shell import StageNode, run
 
 
 class PlayerNode(StageNode):
@@ -326,15 +27,7 @@ class PlayerNode(StageNode):
         self._reader = BagReader(options.bag)
         self._player = Player(self, self._reader, options)
         self._diagnostics = StageDiagnostics(self, str(self._reader.path), self._details)
-        for name, answer in (
-            ('pause', self._on_pause),
-            ('resume', self._on_resume),
-            ('toggle_paused', self._on_toggle_paused),
-            ('is_paused', self._on_is_paused),
-            ('play_next', self._on_play_next),
-            ('stop', self._on_stop),
-        ):
-            self.create_service(Trigger, f'~/{name}', _answering(answer))
+        offer_controls(self, self._player)
         self.create_timer(0.1, self._follow)
         self._player.start()
 
@@ -356,28 +49,6 @@ class PlayerNode(StageNode):
             self.get_logger().info(f'{published} messages played')
             self.context.try_shutdown()
 
-    def _on_pause(self) -> tuple[bool, str]:
-        self._player.pause()
-        return True, 'paused'
-
-    def _on_resume(self) -> tuple[bool, str]:
-        self._player.resume()
-        return True, 'playing'
-
-    def _on_toggle_paused(self) -> tuple[bool, str]:
-        return self._on_resume() if self._player.paused else self._on_pause()
-
-    def _on_is_paused(self) -> tuple[bool, str]:
-        return True, 'paused' if self._player.paused else 'playing'
-
-    def _on_play_next(self) -> tuple[bool, str]:
-        stepped = self._player.play_next()
-        return stepped, 'one message played' if stepped else 'only a paused bag can be stepped'
-
-    def _on_stop(self) -> tuple[bool, str]:
-        self._player.stop()
-        return True, 'stopped'
-
     def _details(self) -> dict[str, object]:
         return {
             'State': 'paused' if self._player.paused else 'playing',
@@ -386,11 +57,58 @@ class PlayerNode(StageNode):
         }
 
 
+def offer_controls(node: Node, player: Player) -> None:
+    """Offer the services ~/pause, ~/resume and so on, named as rosbag2 names them."""
+    for name, control in CONTROLS.items():
+        node.create_service(Trigger, f'~/{name}', _answering(control, player))
+
+
+Control = Callable[[Player], tuple[bool, str]]
+
+
+def _pause(player: Player) -> tuple[bool, str]:
+    player.pause()
+    return True, 'paused'
+
+
+def _resume(player: Player) -> tuple[bool, str]:
+    player.resume()
+    return True, 'playing'
+
+
+def _toggle_paused(player: Player) -> tuple[bool, str]:
+    return _resume(player) if player.paused else _pause(player)
+
+
+def _is_paused(player: Player) -> tuple[bool, str]:
+    return True, 'paused' if player.paused else 'playing'
+
+
+def _play_next(player: Player) -> tuple[bool, str]:
+    stepped = player.play_next()
+    return stepped, 'one message played' if stepped else 'only a paused bag can be stepped'
+
+
+def _stop(player: Player) -> tuple[bool, str]:
+    player.stop()
+    return True, 'stopped'
+
+
+CONTROLS: dict[str, Control] = {
+    'pause': _pause,
+    'resume': _resume,
+    'toggle_paused': _toggle_paused,
+    'is_paused': _is_paused,
+    'play_next': _play_next,
+    'stop': _stop,
+}
+
+
 def _answering(
-    answer: Callable[[], tuple[bool, str]],
+    control: Control, player: Player
 ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
     def callback(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = answer()
+        response.success, response.message = control(player)
         return response
 
     return callback

@@ -15,7 +15,7 @@ from binopos_ros.bag.recording import RecorderOptions, Recording
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.interfaces import installed_class
 from binopos_ros.nodes.offers import offer_of, profile_requested
-from binopos_ros.nodes.shell import RCLError, StageNode, run
+from binopos_ros.nodes.shell import StageNode, run
 
 #: The suite's topics, relative to the node's namespace.
 SUITE = (
@@ -81,14 +81,6 @@ class RecorderNode(StageNode):
             self._diagnostics.publish()
             self.context.try_shutdown()
             return
-        try:
-            self._discover()
-        except RCLError:
-            # A signal ends the context in the middle of this.
-            if self.context.ok():
-                raise
-
-    def _discover(self) -> None:
         for topic, types in self.get_topic_names_and_types():
             if topic in self._seen or not (self._settings.all or topic in self._wanted):
                 continue

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -31,6 +32,7 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, QoSReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from binopos_ros.parameters import ParameterError, ParameterSpec, build, refuse_unknown, specs_of
@@ -40,6 +42,8 @@ RCLError = rclpy_implementation.RCLError
 NAMESPACE = 'stereo'
 #: Enough for a stage that is held up for a second at 30 Hz.
 DEPTH = 30
+#: Seconds after which a signal is heeded at the latest.
+SIGNAL_LATENCY = 0.1
 PUBLISHER_QOS = QoSProfile(depth=DEPTH)
 SUBSCRIBER_QOS = QoSProfile(depth=DEPTH, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
@@ -179,15 +183,28 @@ class StageNode(Node):
                 apply(options)
 
 
-def spin(nodes: Sequence[Node]) -> None:
-    """Run the nodes until the context is shut down or a signal arrives."""
+def stop_on_signals() -> threading.Event:
+    """The event that SIGINT and SIGTERM set from now on.
+
+    rclpy's own handlers end the context under callbacks that are just publishing; with this, ROS
+    ends when nothing runs any more. To be called before `rclpy.init`, which then takes
+    `SignalHandlerOptions.NO`.
+    """
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
+
+
+def spin(nodes: Sequence[Node], stop: threading.Event) -> None:
+    """Run the nodes until `stop` is set or their context is shut down."""
     executor = EventsExecutor()
     for node in nodes:
         executor.add_node(node)
     try:
-        # EventsExecutor.spin() is deaf to signals in the wheels of rclpy 7.1; spin_once is not.
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=0.5)
+        # EventsExecutor.spin() never returns in the wheels of rclpy 7.1; spin_once does.
+        while rclpy.ok() and not stop.is_set():
+            executor.spin_once(timeout_sec=SIGNAL_LATENCY)
     finally:
         executor.shutdown()
 
@@ -198,12 +215,17 @@ def run(factories: Sequence[Callable[[], Node]], arguments: Sequence[str] | None
     0 after a signal, 2 with one line on stderr where a parameter is refused.
     """
     nodes: list[Node] = []
+    stop = stop_on_signals()
     try:
-        rclpy.init(args=list(arguments) if arguments is not None else None)
+        rclpy.init(
+            args=list(arguments) if arguments is not None else None,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         for factory in factories:
             nodes.append(_built(factory))
-        spin(nodes)
-    except (KeyboardInterrupt, ExternalShutdownException):
+        spin(nodes, stop)
+    except ExternalShutdownException:
+        # A node has ended the context itself: the player at the end of its bag.
         return 0
     except _RefusedError as error:
         print(error, file=sys.stderr)
@@ -212,7 +234,9 @@ def run(factories: Sequence[Callable[[], Node]], arguments: Sequence[str] | None
         print(f'binopos_ros: the ROS arguments are refused: {one_line(error)}', file=sys.stderr)
         return 2
     finally:
-        _end(nodes)
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
     return 0
 
 
@@ -227,14 +251,6 @@ def _built(factory: Callable[[], Node]) -> Node:
         name = factory.__name__.removesuffix('Node').lower()
         msg = f'{name}: {one_line(error)}'
         raise _RefusedError(msg) from error
-
-
-def _end(nodes: Sequence[Node]) -> None:
-    # A second Ctrl-C while tidying up would print a traceback.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for node in nodes:
-        node.destroy_node()
-    rclpy.try_shutdown()
 
 
 def one_line(error: BaseException) -> str:

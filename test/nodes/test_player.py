@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from binopos_ros.bag import BagError, BagReader, BagWriter, messages
 from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.bag.qos import Qos
-from binopos_ros.nodes.player import Player
+from binopos_ros.nodes.playing import Player
 from binopos_ros.optics import camera_info
 
 pytestmark = pytest.mark.live
