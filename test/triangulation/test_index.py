@@ -169,7 +169,7 @@ def trial(name, runs, pairs, prior_std, random, strata=True):
 def trials():
     """Index errors and deviations of 1,000 runs over all settings, and each setting's bound."""
     random = np.random.default_rng(20)
-    return [trial(name, 1000 // len(SETTINGS), 20, 0.015, random) for name in SETTINGS]
+    return [trial(name, 1000 // len(SETTINGS), 15, 0.015, random) for name in SETTINGS]
 
 
 def test_the_error_is_as_large_as_it_says_over_a_thousand_runs(trials):
