@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from binopos_ros.calibration.board import CHESSBOARD, KINDS, Board, parse_size
+from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.presets import PRESETS, Choices, in_air, with_board
 from binopos_ros.simulation.recording import record
 from binopos_ros.simulation.target import PATHS
@@ -165,6 +166,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     preset = PRESETS[arguments.preset]
     pairs = preset.pairs if arguments.pairs is None else arguments.pairs
+    _refuse_contradictions(arguments)
     board = _board(arguments)
     scene = preset.make(
         Choices(
@@ -203,6 +205,17 @@ def main(arguments: argparse.Namespace) -> int:
         f'{_size(arguments.output)}; the truth is on /stereo/truth/pose'
     )
     return 0
+
+
+def _refuse_contradictions(arguments: argparse.Namespace) -> None:
+    for chosen, without in (
+        ('board', ('path', 'period', 'diameter')),
+        ('air', ('waves', 'wave_peak', 'salt')),
+    ):
+        for name in without if getattr(arguments, chosen) else ():
+            if getattr(arguments, name) is not None:
+                msg = f'--{chosen} has no {name.replace("_", " ")}: leave one of the two out'
+                raise SimulationError(msg)
 
 
 def _board(arguments: argparse.Namespace) -> Board | None:

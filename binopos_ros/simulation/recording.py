@@ -10,7 +10,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.bag import BagWriter, messages
 from binopos_ros.optics import (
@@ -24,6 +24,9 @@ from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.render import Renderer
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.sensor import bytes_per_pixel
+from binopos_ros.simulation.target import Disc
+
+Array = NDArray[np.float64]
 
 NAMESPACE = '/stereo'
 SIDES = ('left', 'right')
@@ -46,7 +49,7 @@ def record(
     """Render pairs of a scene into a new bag.
 
     Topics under /stereo: `left/` and `right/` with `image_raw/compressed` (or `image_raw`) and
-    `camera_info`, and `truth/pose`, the target's centre in the rig's frame, covariance zero.
+    `camera_info`, and `truth/pose`, the target's place in the rig's frame, covariance zero.
     Beside the messages lie `binopos.yaml`, `left.yaml` and `right.yaml`: the interface and the
     calibration, as the nodes take them.
 
@@ -72,7 +75,8 @@ def record(
     infos = camera_infos(scene.rig)
     times = scene.times(pairs)
     stamps = START_NS + np.rint(times * 1e9).astype(np.int64)
-    truth = scene.path.poses(times)[0]
+    positions = scene.path.poses(times)[0]
+    quaternions = [_quaternion(rotation) for rotation in scene.target_rotations(times)]
     raw = scene.sensor.encoding != 'jpeg'
     picture_topic = 'image_raw' if raw else 'image_raw/compressed'
     picture_type = messages.IMAGE if raw else messages.COMPRESSED_IMAGE
@@ -81,7 +85,7 @@ def record(
             writer.add_topic(f'{NAMESPACE}/{side}/{picture_topic}', picture_type)
             writer.add_topic(f'{NAMESPACE}/{side}/camera_info', messages.CAMERA_INFO)
         writer.add_topic(f'{NAMESPACE}/truth/pose', messages.POSE_WITH_COVARIANCE)
-        write_calibration(scene.rig, infos, Path(path))
+        write_calibration(scene, infos, Path(path))
         for number, pictures in enumerate(_pictures(scene, pairs, seed, threads)):
             stamp = int(stamps[number])
             for side, frame, info, data in zip(SIDES, FRAMES, infos, pictures, strict=True):
@@ -89,10 +93,12 @@ def record(
                 writer.write(f'{NAMESPACE}/{side}/camera_info', stamp, calibration)
                 picture = _picture_message(scene, stamp, frame, data, info)
                 writer.write(f'{NAMESPACE}/{side}/{picture_topic}', stamp, picture)
-            position = messages.pose_with_covariance(
-                stamp, FRAMES[0], truth[number], np.zeros((3, 3))
+            pose = messages.pose_with_covariance(
+                stamp, FRAMES[0], positions[number], np.zeros((3, 3))
             )
-            writer.write(f'{NAMESPACE}/truth/pose', stamp, position)
+            orientation = pose.pose.pose.orientation
+            orientation.x, orientation.y, orientation.z, orientation.w = quaternions[number]
+            writer.write(f'{NAMESPACE}/truth/pose', stamp, pose)
             on_pair()
 
 
@@ -117,19 +123,20 @@ def camera_infos(rig: StereoRig) -> tuple[CameraInfo, CameraInfo]:
     )
 
 
-def write_calibration(rig: StereoRig, infos: tuple[CameraInfo, CameraInfo], bag: Path) -> None:
+def write_calibration(scene: Scene, infos: tuple[CameraInfo, CameraInfo], bag: Path) -> None:
     """Write the parameter file and the camera_info files into a bag's folder, or beside it."""
     single = bag.suffix == '.mcap'
     folder, prefix = (bag.parent, f'{bag.stem}.') if single else (bag, '')
     for side, info in zip(SIDES, infos, strict=True):
         write_camera_info(folder / f'{prefix}{side}.yaml', info)
-    (folder / f'{prefix}binopos.yaml').write_text(parameter_file(rig), encoding='utf-8')
+    (folder / f'{prefix}binopos.yaml').write_text(parameter_file(scene), encoding='utf-8')
 
 
-def parameter_file(rig: StereoRig) -> str:
-    """The triangulator's parameters for a rig, as ROS 2 parameter file."""
+def parameter_file(scene: Scene) -> str:
+    """The triangulator's parameters for a scene, as ROS 2 parameter file."""
+    rig = scene.rig
     lines = [
-        '# What the cameras of this bag look through. Made by `binopos simulate`.',
+        '# What the cameras of this bag look through, and at. Made by `binopos simulate`.',
         '/**/triangulator:',
         '  ros__parameters:',
     ]
@@ -141,8 +148,15 @@ def parameter_file(rig: StereoRig) -> str:
     for name, (interface, frame) in blocks.items():
         if interface is not None:
             lines += _interface_block(name, interface, frame)
-    if len(lines) == 3:
+    if not any(interface for interface, _ in blocks.values()):
         lines.append("    method: 'straight'")
+    if isinstance(scene.target, Disc):
+        normal = scene.path.poses(0.0)[1][0]
+        lines += [
+            '    target:',
+            f'      diameter: {scene.target.diameter!r}  # m',
+            f'      normal: {_numbers(normal)}  # rig frame, at the start',
+        ]
     return '\n'.join(lines) + '\n'
 
 
@@ -201,6 +215,23 @@ def _picture_message(
         return messages.compressed_image(stamp, frame, data)
     step = info.width * bytes_per_pixel(encoding)
     return messages.image(stamp, frame, data, (info.width, info.height), encoding, step)
+
+
+def _quaternion(rotation: Array) -> tuple[float, float, float, float]:
+    """x, y, z, w of a rotation (3, 3), with w >= 0.
+
+    Half the angle is taken from the sum and the skew part of the matrix; turns by nearly 180
+    degrees, where the skew part vanishes, take the axis from the largest column of R + R^T.
+    """
+    w = 0.5 * np.sqrt(max(1 + np.trace(rotation), 0.0))
+    if w > 1e-3:
+        skew = rotation - rotation.T
+        x, y, z = skew[2, 1] / (4 * w), skew[0, 2] / (4 * w), skew[1, 0] / (4 * w)
+    else:
+        columns = rotation + rotation.T + (1 - np.trace(rotation)) * np.eye(3)
+        axis = columns[:, np.argmax(np.diag(columns))]
+        x, y, z = axis * np.sqrt(max(1 - w * w, 0.0)) / np.linalg.norm(axis)
+    return float(x), float(y), float(z), float(w)
 
 
 def _camera_info(

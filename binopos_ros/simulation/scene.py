@@ -12,7 +12,7 @@ from binopos_ros.optics import StereoRig
 from binopos_ros.simulation.backdrop import Backdrop
 from binopos_ros.simulation.boards import ShownBoard
 from binopos_ros.simulation.errors import SimulationError
-from binopos_ros.simulation.medium import Rays
+from binopos_ros.simulation.medium import Rays, plane_axes
 from binopos_ros.simulation.sensor import Sensor
 from binopos_ros.simulation.target import Disc, Path
 from binopos_ros.simulation.view import View, views_of
@@ -58,6 +58,14 @@ class Scene:
     def times(self, pairs: int) -> Array:
         """(N,) s since the start at which pairs are taken."""
         return np.arange(pairs) / self.rate
+
+    def target_rotations(self, times: ArrayLike) -> Array:
+        """(N, 3, 3) rig_from_target: z is the disc's normal, or points into the board."""
+        times = np.atleast_1d(np.asarray(times, float))
+        if isinstance(self.target, ShownBoard):
+            return self.target.rotations[[self.target.number(float(time)) for time in times]]
+        normals = self.path.poses(times)[1]
+        return np.array([np.column_stack([*plane_axes(normal), normal]) for normal in normals])
 
     def measurements(
         self, times: ArrayLike, points: ArrayLike | None = None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
@@ -113,6 +115,23 @@ def test_the_invariant_of_a_salt_gradient_is_kept_through_all_its_layers() -> No
     # The ray stays in the plane of the normal and its first direction.
     side = np.cross(start, NORMAL)
     np.testing.assert_allclose(np.sum(side * rays.directions, axis=1), 0, atol=1e-13)
+
+
+@given(
+    angle=st.floats(0.0, 1.5),
+    turn=st.floats(0.0, 6.3),
+    ratio=st.floats(0.6, 1.7),
+)
+def test_refraction_is_reversible(angle: float, turn: float, ratio: float) -> None:
+    normal = NORMAL
+    first, second = plane_axes(normal)
+    across = np.cos(turn) * first + np.sin(turn) * second
+    ray = (np.cos(angle) * normal + np.sin(angle) * across)[None, :]
+    beyond = refract(ray, normal, ratio)
+    if ratio * np.sin(angle) > 1:
+        assert np.isnan(beyond).all()
+    elif ratio * np.sin(angle) < 1 - 1e-9:
+        np.testing.assert_allclose(refract(beyond, normal, 1 / ratio), ray, atol=1e-6)
 
 
 def test_total_reflection_gives_nan() -> None:

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
+from scipy.spatial.transform import Rotation
 
 from binopos_ros.bag import BagError, BagReader, messages
+from binopos_ros.calibration.board import Board
 from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
 from binopos_ros.simulation import PRESETS, Choices, Renderer, SimulationError, record
-from binopos_ros.simulation.recording import START_NS, camera_infos, parameter_file
+from binopos_ros.simulation.presets import in_air, with_board
+from binopos_ros.simulation.recording import START_NS, _quaternion, camera_infos, parameter_file
 from binopos_ros.simulation.sensor import Sensor
 
 PAIRS = 4
@@ -81,6 +84,24 @@ def test_the_truth_is_the_path(bag: Path) -> None:
     assert not np.any([messages.covariance_of(pose) for pose in poses])
 
 
+def test_the_truth_is_oriented_as_the_target_is(tmp_path: Path) -> None:
+    """Its z axis is the disc's normal, or goes into the board; by scipy's quaternions."""
+    disc = PRESETS['ports'].make(Choices())
+    board = with_board(in_air(disc, 0), Board('chessboard', 5, 4, 0.02), 3, 1)
+    for scene in (disc, board):
+        times = scene.times(3)
+        rotations = scene.target_rotations(times)
+        normals = scene.path.poses(times)[1]
+        sign = 1 if scene is disc else -1
+        np.testing.assert_allclose(sign * rotations[:, :, 2], normals, atol=1e-12)
+    rng = np.random.default_rng(0)
+    turns = Rotation.random(200, random_state=rng).as_matrix()
+    half = Rotation.from_rotvec(np.pi * np.array([[1, 0, 0], [0, 0.6, 0.8]])).as_matrix()
+    for turn in (*turns, *half, np.eye(3)):
+        found = Rotation.from_quat(_quaternion(turn)).as_matrix()
+        np.testing.assert_allclose(found, turn, atol=1e-9)
+
+
 def test_the_pictures_show_the_disc_where_the_truth_is_seen(bag: Path) -> None:
     """Down the whole way: decoded from the bag, segmented plainly, against the apparent truth."""
     scene = PRESETS['demo'].make(Choices(seed=5))
@@ -123,9 +144,12 @@ def test_the_parameter_file_holds_the_interface(bag: Path) -> None:
         'distance': 0.8,
         'indices': [1.0, 1.333],
     }
-    parameters = yaml.safe_load(parameter_file(PRESETS['ports'].make(Choices()).rig))
+    target = parameters['/**/triangulator']['ros__parameters']['target']
+    assert target['diameter'] == 0.06
+    np.testing.assert_allclose(target['normal'], -interface.normal, atol=1e-15)
+    parameters = yaml.safe_load(parameter_file(PRESETS['ports'].make(Choices())))
     block = parameters['/**/triangulator']['ros__parameters']
-    assert set(block) == {'left_port', 'right_port'}
+    assert set(block) == {'left_port', 'right_port', 'target'}
     assert block['right_port']['thicknesses'] == [0.01]
 
 
@@ -185,3 +209,18 @@ def test_no_pairs_make_no_bag(tmp_path: Path) -> None:
     with pytest.raises(SimulationError, match='1 or more'):
         record(PRESETS['demo'].make(Choices()), tmp_path / 'none', 0)
     assert not (tmp_path / 'none').exists()
+
+
+def test_the_bag_in_the_repository_is_the_preset_s(project: Path) -> None:
+    """Pictures may differ in a byte with other versions of OpenCV; what they mean may not."""
+    scene = PRESETS['demo'].make(Choices())
+    kept = project / 'bags' / 'demo'
+    assert (kept / 'binopos.yaml').read_text() == parameter_file(scene)
+    with BagReader(kept) as reader:
+        poses = [reader.decode(item) for item in reader.messages(['/stereo/truth/pose'])]
+        assert reader.topics['/stereo/left/image_raw/compressed'].count == 150
+        calibration = next(iter(reader.messages(['/stereo/right/camera_info'])))
+        info = messages.read_camera_info_message(reader.decode(calibration), 'right')
+    found = np.array([messages.position_of(pose) for pose in poses])
+    np.testing.assert_allclose(found, scene.path.poses(scene.times(150))[0], atol=1e-12)
+    np.testing.assert_allclose(info.p, camera_infos(scene.rig)[1].p, atol=1e-6)

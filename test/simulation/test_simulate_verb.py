@@ -38,6 +38,11 @@ def test_it_writes_a_bag_and_says_so(tmp_path: Path, capsys: pytest.CaptureFixtu
         (['--distractors', '1000'], '1000 distractors'),
         (['--threads', '0'], '0 threads'),
         (['--wave-peak', '40', '--waves', '0.001'], '40.0 Hz'),
+        (['--board', '9x6', '--still'], '--board has no path'),
+        (['--air', '--salt', '1.35'], '--air has no salt'),
+        (['--board', 'nine'], 'write columns x rows'),
+        (['--board', '9x6', '--square', '20'], 'write 0.02'),
+        (['--board', '40x30', '--square', '0.05'], 'give a smaller board'),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_no_bag(
