@@ -18,6 +18,7 @@ import numpy as np
 import yaml  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
+from binopos_ros.optics import ost
 from binopos_ros.optics.camera import PinholeCamera
 from binopos_ros.optics.errors import OpticsError
 
@@ -132,7 +133,7 @@ def read_camera_info(path: PathLike, camera: str | None = None) -> CameraInfo:
 
     """
     text = _text(path)
-    if _is_ost(text):
+    if ost.is_ost(text):
         infos = _parse_ost(text, path)
         chosen = [info for info in infos if camera in (None, info.name)]
         if len(chosen) != 1:
@@ -319,38 +320,15 @@ def _finite(
     return numbers
 
 
-def _is_ost(text: str) -> bool:
-    first = next((line.strip() for line in text.splitlines() if line.strip()), '')
-    return first.startswith(('# oST', '['))
-
-
 def _parse_ost(text: str, path: PathLike) -> list[CameraInfo]:
-    """Parse oST version 5.0: sections in brackets, and under each a title line and its numbers."""
     infos: list[CameraInfo] = []
     size: dict[str, tuple[float, ...]] = {}
-    section, title = '', ''
-    fields: dict[str, list[str]] = {}
-
-    def close() -> None:
-        numbers = {key: _finite(words, key, None, path) for key, words in fields.items()}
+    for section, titled in ost.sections(text):
+        numbers = {title: _finite(words, title, None, path) for title, words in titled.items()}
         if section == 'image':
-            size.update(numbers)
-        elif section and fields:
+            size = numbers
+        else:
             infos.append(_camera_of_ost(section, size, numbers, path))
-
-    for raw in text.splitlines():
-        line = raw.strip()
-        if not line or line.startswith('#'):
-            continue
-        if line.startswith('[') and line.endswith(']'):
-            close()
-            section, title, fields = line[1:-1].strip(), '', {}
-        elif line[0].isalpha():
-            title = line
-            fields[title] = []
-        elif title:
-            fields[title] += line.split()
-    close()
     if not infos:
         msg = f'{path} is no calibration: it holds no camera'
         raise OpticsError(msg)
