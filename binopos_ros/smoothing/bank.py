@@ -177,8 +177,9 @@ def update(
     states = bank.states + gain * innovation[..., None]
     covariances = bank.covariances - gain[..., :, None] * cross[..., None, :]
     fit = weight * innovation * innovation + np.log(expected)
-    # The certainty bounds what it multiplies, so the best hypothesis never underflows.
-    weights = bank.weights * np.exp(fit @ _MINUS_HALF)
+    logarithm = fit @ _MINUS_HALF
+    logarithm -= np.maximum.reduce(logarithm, axis=-1, keepdims=True)
+    weights = bank.weights * np.exp(logarithm)
     weights = weights / (weights @ _ALL[:, None]) + _LEAST_WEIGHT
     return Hypotheses(states, covariances, weights)
 
