@@ -17,17 +17,16 @@ from binopos_ros.calibration.adjust import Adjustment, Prior, View, adjust
 from binopos_ros.calibration.covariance import ParameterCovariance
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.projection import Pose
-from binopos_ros.calibration.start import guess_pose
+from binopos_ros.calibration.start import other_pose, straight_poses, sunk
 from binopos_ros.calibration.state import (
     LEFT,
     LEFT_PORT,
-    RIGHT,
     RIGHT_PORT,
     SHARED,
     TARGET_INDEX,
-    Camera,
     RigState,
 )
+from binopos_ros.calibration.views import Dropped
 from binopos_ros.optics import FlatInterface
 
 #: Where nothing was measured: standard deviations so wide that the pictures decide.
@@ -35,7 +34,8 @@ UNKNOWN_NORMAL = 0.5  # rad
 UNKNOWN_DISTANCE = 10.0  # m
 UNKNOWN_INDEX = 0.1
 UNKNOWN_LAYER = 0.01  # the index of glass or acrylic whose kind is known
-FEWEST_VIEWS = 1
+SUSPICIOUS = 1.5  # times the median RMS of the views
+FEWEST_INLIERS = 0.7  # of a view's points
 #: First guesses of an unknown distance, as parts of the way to the nearest board.
 FRACTIONS = (0.5, 0.15, 0.85)
 GOOD_START = 0.5  # px; a descent into a wrong valley ends far above it
@@ -108,7 +108,7 @@ class InterfaceCalibration:
         covariance: (P, P) of all parameters of `state`, the cameras' included.
         prior: standard deviations beforehand, by name.
         adjustment: None where there were no views and the priors are all there is.
-        views: those used.
+        views: those used; dropped: those not used, with reasons.
     """
 
     state: RigState
@@ -116,6 +116,7 @@ class InterfaceCalibration:
     prior: dict[str, float]
     adjustment: Adjustment | None
     views: tuple[View, ...]
+    dropped: tuple[Dropped, ...] = ()
 
     def deviation(self, name: str) -> float:
         """The standard deviation of one parameter."""
@@ -155,16 +156,66 @@ def calibrate_interface(
     _check_places(guesses)
     if not views:
         return _ruler_only(air, guesses, air_covariance)
-    straight = _straight_poses(air, views)
+    straight = straight_poses(air, views)
     nearest = min(
         float(np.min(pose.apply(view.points)[:, 2]))
         for pose, view in zip(straight, views, strict=True)
     )
     best, prior = _best_start(air, views, straight, nearest, guesses, air_covariance, free_cameras)
     fit = adjust(best.state, best.poses, views, best.free, prior, robust=robust, sigma=sigma)
-    state = fit.state
+    dropped: list[Dropped] = []
+    fit = _turn_boards(fit, views, prior, sigma)
+    # One by one, the worst first: a bad view makes good ones look bad.
+    while (bad := _outlying(fit)) and robust and len(views) > 1:
+        worst = max(bad, key=lambda i: fit.rms(view=i))
+        dropped.append(_drop(fit, views, worst))
+        views = [view for i, view in enumerate(views) if i != worst]
+        poses = [pose for i, pose in enumerate(fit.poses) if i != worst]
+        fit = adjust(fit.state, poses, views, fit.free, prior, sigma=sigma)
+        fit = _turn_boards(fit, views, prior, sigma)
     return InterfaceCalibration(
-        state, fit.covariance, _prior_deviations(state, guesses), fit, tuple(views)
+        fit.state,
+        fit.covariance,
+        _prior_deviations(fit.state, guesses),
+        fit,
+        tuple(views),
+        tuple(dropped),
+    )
+
+
+def _outlying(fit: Adjustment) -> list[int]:
+    """The views most of whose points had to be left out; a few bad points do not condemn one."""
+    bad = []
+    for i, (inliers, residuals) in enumerate(zip(fit.inliers, fit.residuals, strict=True)):
+        seen = [np.isfinite(one).all(axis=1) for one in residuals]
+        share = sum(int(one.sum()) for one in inliers) / sum(int(one.sum()) for one in seen)
+        if share < FEWEST_INLIERS:
+            bad.append(i)
+    return bad
+
+
+def _turn_boards(
+    fit: Adjustment, views: Sequence[View], prior: Prior, sigma: float | None
+) -> Adjustment:
+    """Try the other pose in which a board looks nearly the same, where a view fits badly."""
+    rms = np.array([fit.rms(view=i) for i in range(len(views))])
+    poses = list(fit.poses)
+    for i in np.flatnonzero(rms > SUSPICIOUS * np.median(rms)):
+        other = other_pose(fit.state.cameras[LEFT], views[i].points, views[i].pixels[LEFT])
+        if views[i].turns and other is not None:
+            poses[i] = sunk(other, views[i], fit.state)
+    if all(new is old for new, old in zip(poses, fit.poses, strict=True)):
+        return fit
+    turned = adjust(fit.state, poses, views, fit.free, prior, sigma=sigma)
+    return turned if turned.rms() < fit.rms() else fit
+
+
+def _drop(fit: Adjustment, views: Sequence[View], worst: int) -> Dropped:
+    usual = float(np.median([fit.rms(view=i) for i in range(len(views))]))
+    return Dropped(
+        views[worst].name,
+        f'it misses the interface by {fit.rms(view=worst):.2f} px, the others by {usual:.2f} px: '
+        'the board or the water moved between the two pictures, or it is another board',
     )
 
 
@@ -186,7 +237,7 @@ def _best_start(
             for guess in guesses
         }
         start = replace(air, interfaces=interfaces)
-        poses = [_sunk(pose, view, start) for pose, view in zip(straight, views, strict=True)]
+        poses = [sunk(pose, view, start) for pose, view in zip(straight, views, strict=True)]
         free, prior = _unknowns(start, guesses, air_covariance, free_cameras)
         try:
             fit = adjust(start, poses, views, free, prior, robust=False, sigma=1.0)
@@ -277,46 +328,3 @@ def _ruler_only(
 
 def _first_distance(guess: InterfaceGuess, otherwise: float) -> float:
     return guess.distance if guess.distance is not None else otherwise
-
-
-def _straight_poses(air: RigState, views: Sequence[View]) -> list[Pose]:
-    """Board poses in the rig frame as if there were no interface."""
-    poses = []
-    for view in views:
-        pose = _straight_pose(air.cameras[LEFT], view, LEFT)
-        if pose is None and len(air.cameras) == 2:
-            pose = _straight_pose(air.cameras[RIGHT], view, RIGHT)
-            if pose is not None:
-                back = air.rotation.T
-                pose = Pose(back @ pose.rotation, back @ (pose.translation - air.translation))
-        if pose is None:
-            raise CalibrationError(f'{view.name}: the points seen give no pose of the target')
-        poses.append(pose)
-    return poses
-
-
-def _straight_pose(camera: Camera, view: View, side: int) -> Pose | None:
-    if view.turns:
-        return guess_pose(camera, view.points, view.pixels[side])
-    seen = np.isfinite(view.pixels[side]).any(axis=1)
-    if seen.sum() < 3:
-        return None
-    # A ball's outline: where it is, and from its width how far.
-    middle = np.nanmean(view.pixels[side][seen], axis=0)
-    reach = np.nanmean(np.abs(view.pixels[side][seen] - middle)) / camera.focal[0]
-    radius = np.linalg.norm(view.points[seen], axis=1).mean()
-    return Pose(np.eye(3), camera.pinhole().unproject(middle) * radius / reach)
-
-
-def _sunk(pose: Pose, view: View, state: RigState) -> Pose:
-    """Push a board to the depth at which it would look as near as it does, and behind the
-    interface."""
-    interface = next(iter(state.interfaces.values()))
-    normal = np.asarray(interface.normal)
-    ratio = interface.indices[-1] / interface.indices[0]
-    surface = interface.distance + sum(interface.thicknesses)
-    height = pose.apply(view.points) @ normal
-    middle = float(height.mean())
-    target = surface + max(middle - surface, 0.0) * ratio
-    shortfall = surface + 0.02 * middle - (target - middle + float(height.min()))
-    return Pose(pose.rotation, pose.translation + (target - middle + max(shortfall, 0.0)) * normal)

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 
 from binopos_ros.calibration.adjust import View
+from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.projection import Pose
-from binopos_ros.calibration.state import Camera
+from binopos_ros.calibration.state import LEFT, RIGHT, Camera, RigState
 
 FEWEST_POINTS = 4
 
@@ -65,3 +66,65 @@ def guess_pose(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> Pose |
         return None
     matrix = np.asarray(cv2.Rodrigues(rotation)[0])
     return Pose(matrix, translation.ravel() - matrix @ origin)
+
+
+def other_pose(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> Pose | None:
+    """The second pose in which a planar board looks nearly the same, or None."""
+    seen = np.isfinite(pixels).all(axis=1)
+    if seen.sum() < FEWEST_POINTS or np.ptp(points[seen][:, 2]) > 0:
+        return None
+    origin = points[seen].mean(axis=0)
+    _, rotations, translations, _ = cv2.solvePnPGeneric(
+        points[seen] - origin,
+        pixels[seen],
+        camera.matrix,
+        camera.lens,
+        flags=cv2.SOLVEPNP_IPPE,
+    )
+    if len(rotations) < 2 or translations[1][2, 0] <= 0:
+        return None
+    matrix = np.asarray(cv2.Rodrigues(rotations[1])[0])
+    return Pose(matrix, translations[1].ravel() - matrix @ origin)
+
+
+def straight_poses(air: RigState, views: Sequence[View]) -> list[Pose]:
+    """Board poses in the rig frame as if there were no interface."""
+    poses = []
+    for view in views:
+        pose = _straight_pose(air.cameras[LEFT], view, LEFT)
+        if pose is None and len(air.cameras) == 2:
+            pose = _straight_pose(air.cameras[RIGHT], view, RIGHT)
+            if pose is not None:
+                back = air.rotation.T
+                pose = Pose(back @ pose.rotation, back @ (pose.translation - air.translation))
+        if pose is None:
+            raise CalibrationError(f'{view.name}: the points seen give no pose of the target')
+        poses.append(pose)
+    return poses
+
+
+def _straight_pose(camera: Camera, view: View, side: int) -> Pose | None:
+    if view.turns:
+        return guess_pose(camera, view.points, view.pixels[side])
+    seen = np.isfinite(view.pixels[side]).any(axis=1)
+    if seen.sum() < 3:
+        return None
+    # A ball's outline: where it is, and from its width how far.
+    middle = np.nanmean(view.pixels[side][seen], axis=0)
+    reach = np.nanmean(np.abs(view.pixels[side][seen] - middle)) / camera.focal[0]
+    radius = np.linalg.norm(view.points[seen], axis=1).mean()
+    return Pose(np.eye(3), camera.pinhole().unproject(middle) * radius / reach)
+
+
+def sunk(pose: Pose, view: View, state: RigState) -> Pose:
+    """Push a board to the depth at which it would look as near as it does, and behind the
+    interface."""
+    interface = next(iter(state.interfaces.values()))
+    normal = np.asarray(interface.normal)
+    ratio = interface.indices[-1] / interface.indices[0]
+    surface = interface.distance + sum(interface.thicknesses)
+    height = pose.apply(view.points) @ normal
+    middle = float(height.mean())
+    target = surface + max(middle - surface, 0.0) * ratio
+    shortfall = surface + 0.02 * middle - (target - middle + float(height.min()))
+    return Pose(pose.rotation, pose.translation + (target - middle + max(shortfall, 0.0)) * normal)

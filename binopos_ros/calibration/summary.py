@@ -65,7 +65,8 @@ def summarise_interface(calibration: InterfaceCalibration) -> str:
             (f'{place}.thicknesses.{i}', f'{t:.5f} m') for i, t in enumerate(interface.thicknesses)
         ]
     words = [f'  {verdict.text}' for verdict in verdicts(calibration)]
-    return '\n'.join([_table(rows), *words, f'Next: {advice(calibration)}'])
+    table = _table(rows) + _dropped(calibration.dropped)
+    return '\n'.join([table, *words, f'Next: {advice(calibration)}'])
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> str:

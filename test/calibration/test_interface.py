@@ -179,6 +179,21 @@ def test_outlying_points_are_left_out(rig_maker: Any, board_viewer: Any, guesser
     assert abs(error[-1]) < 3.5 * result.deviation('interface.distance')
 
 
+def test_a_bad_view_is_left_out_with_the_reason(
+    rig_maker: Any, board_viewer: Any, guesser: Any
+) -> None:
+    rng = np.random.default_rng(8)
+    rig, depths = rig_maker('surface', rng)
+    views = board_viewer(rig, depths, rng)
+    views[4] = replace(views[4], pixels=(views[4].pixels[0], views[4].pixels[1] + [9.0, 14.0]))
+    air = replace(RigState.of(rig), interfaces={})
+    result = calibrate_interface(air, views, guesser(rig))
+    assert [one.name for one in result.dropped] == ['view 4']
+    assert 'moved' in result.dropped[0].reason
+    square = np.sum((result.state.interfaces['interface'].normal - rig.interface.normal) ** 2)
+    assert np.sqrt(square) < np.radians(0.4)
+
+
 def test_same_optimum_as_scipy(rig_maker: Any, board_viewer: Any, guesser: Any) -> None:
     rng = np.random.default_rng(9)
     rig, depths = rig_maker('surface', rng)
