@@ -9,10 +9,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent.parent
-sys.path.insert(0, str(ROOT))
-sys.path.insert(0, str(ROOT / 'test' / 'detection'))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'detection'))
 
 import matplotlib as mpl
 import numpy as np
@@ -97,7 +95,7 @@ def main() -> int:
         axes.grid(alpha=0.3, which='both')
         axes.set_xticks([8, 20, 40, 120], ['8', '20', '40', '120'])
     figure.tight_layout()
-    figure.savefig(HERE / 'detection_bias.png', dpi=110)
+    figure.savefig(Path(__file__).with_suffix('.png'), dpi=110)
     return 0
 
 

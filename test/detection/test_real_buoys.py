@@ -123,3 +123,20 @@ def test_every_picture_without_a_target_has_a_reason(buoys):
         for candidate in detection.candidates:
             if detection.target is None:
                 assert candidate.reason
+
+
+@pytest.mark.parametrize(
+    'change', [{'min_contrast': 0.15}, {'min_redness': -0.1}, {'min_fit': 0.75}]
+)
+def test_the_answers_do_not_hang_on_the_last_digit_of_a_threshold(buoys, change):
+    detector = Detector(track=False, **change)
+    clear, open_water = Score(), Score()
+    for buoy in buoys:
+        target = detector.detect(JpegImage(buoy.jpeg)).target
+        hit = target is not None and within(target.centre, buoy.box)
+        score = Score(1, buoy.box is not None, hit, target is not None and not hit)
+        clear += score if buoy.hundred in CLEAR else Score()
+        open_water += score if buoy.hundred in OPEN else Score()
+    assert clear.recall >= 0.95
+    assert clear.precision >= 0.97
+    assert open_water.wrong <= 0.05 * open_water.pictures

@@ -1,0 +1,81 @@
+"""How much the answers on real pictures hang on each threshold.
+
+Run as `python bench/detection_thresholds.py`.
+
+Runs the detector over the real pictures of red buoys with one option changed at a time.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from binopos_ros.detection import Detector, Frame, JpegImage, decode
+
+DATA = Path(__file__).resolve().parent.parent.parent / 'shared' / 'data' / 'robosub-red-buoy'
+CLEAR, OPEN = (100, 200, 300, 400, 900, 1000), (0, 500, 600, 700, 1100, 1400)
+CHANGES: tuple[dict[str, float], ...] = (
+    {},
+    *({'min_contrast': value} for value in (0.09, 0.15)),
+    *({'min_redness': value} for value in (-0.1, -0.03, 0.0)),
+    *({'min_fit': value} for value in (0.75, 0.85)),
+    {'min_axis_ratio': 0.3},
+    {'min_diameter': 9.0},
+    *({'noise_factor': value} for value in (4.0, 9.0)),
+    {'mirror_above': False},
+)
+
+Picture = tuple[int, Frame, tuple[int, ...]]
+
+
+def pictures() -> list[Picture]:
+    with (DATA / 'index.csv').open(encoding='utf-8') as file:
+        rows = list(csv.DictReader(file))
+    return [
+        (
+            int(row['image']) // 100 * 100,
+            decode(JpegImage((DATA / 'Images' / f'{row["image"]}.jpg').read_bytes())),
+            tuple(int(row[key]) for key in ('xmin', 'ymin', 'xmax', 'ymax') if row[key]),
+        )
+        for row in rows
+    ]
+
+
+def counted(every: list[Picture], groups: tuple[int, ...], detector: Detector) -> list[int]:
+    """Pictures, boxes, hits and wrong targets of some groups."""
+    counts = [0, 0, 0, 0]
+    for group, frame, box in every:
+        if group not in groups:
+            continue
+        target = detector.detect_in(frame).target
+        hit = False
+        if target is not None and box:
+            u, v = target.centre
+            hit = bool(box[0] <= u <= box[2] and box[1] <= v <= box[3])
+        for k, each in enumerate((True, bool(box), hit, target is not None and not hit)):
+            counts[k] += each
+    return counts
+
+
+def main() -> int:
+    if not DATA.is_dir():
+        print(f'{DATA.name} is not there: the real pictures are not in this checkout')
+        return 0
+    every = pictures()
+    print('option                     clear: boxes  hits  wrong   open: pictures  hits  wrong')
+    for change in CHANGES:
+        detector = Detector(track=False, **change)
+        clear, open_water = (counted(every, groups, detector) for groups in (CLEAR, OPEN))
+        name = ', '.join(f'{key} = {value}' for key, value in change.items()) or 'as they are'
+        print(
+            f'{name:27}{clear[1]:12}{clear[2]:6}{clear[3]:7}'
+            f'{open_water[0]:17}{open_water[2]:6}{open_water[3]:7}'
+        )
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
