@@ -79,11 +79,18 @@ class IndexOptions:
     temperature_std: float = option(1.0, 'standard deviation of the temperature', 'C', (0.0, 30.0))
     salinity: float = option(0.0, 'salinity of the water', 'g/kg', (0.0, 43.0))
     salinity_std: float = option(0.5, 'standard deviation of the salinity', 'g/kg', (0.0, 43.0))
-    wavelength: float = option(620.0, "wavelength of the target's light", 'nm', (400.0, 700.0))
+    wavelength: float = option(620.0, "wavelength of the target's light", 'nm', (500.0, 700.0))
     wavelength_std: float = option(
         15.0, 'standard deviation of the wavelength', 'nm', (0.0, 150.0)
     )
     depth: float = option(0.0, 'depth of the target under the sea surface', 'm', (0.0, 11000.0))
+    calibration_std: float = option(
+        0.1,
+        'what the calibration leaves of systematic error in the pixels: the epipolar residual of '
+        'held-out views. It bounds how well the index can ever be known',
+        'px',
+        (0.0, 10.0),
+    )
     target_depth: float | None = option(
         None, 'depth of the target beyond the last surface, where it is known', 'm', (0.001, 100.0)
     )
@@ -120,7 +127,13 @@ class IndexOptions:
                 msg = 'index.target_depth needs a shared interface: give interface.*'
                 raise TriangulationError(msg)
             plane = KnownPlane.at_depth(interface, self.target_depth, self.target_depth_std)
-        return IndexEstimator(mean, std, drift=self.drift, known_plane=plane)
+        return IndexEstimator(
+            mean,
+            std,
+            drift=self.drift,
+            known_plane=plane,
+            calibration_std=self.calibration_std,
+        )
 
 
 @dataclass(frozen=True)
