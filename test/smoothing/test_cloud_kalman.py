@@ -32,6 +32,17 @@ def test_waves_of_any_basin_leave_a_still_target_in_its_place(frequency):
     assert np.sqrt(np.mean(errors**2)) < 0.1 * np.sqrt(np.mean(swing**2))
 
 
+@pytest.mark.parametrize('rate', [10, 60, 120])
+def test_frame_rate_does_not_matter(rate):
+    stamps = np.arange(8 * rate) / rate
+    swing = waves(stamps.size, 2.5, [0.002, 0.002, 0.015], rate)
+    line = PLACE + np.outer(stamps, [0.08, 0.03, 0.01])
+    for path, share in ((PLACE, 0.05), (line, 0.15)):
+        found = np.array([state.position for state in track(path + swing, rate=rate)])
+        error = (found - path)[2 * rate :]
+        assert np.sqrt(np.mean(error**2)) < share * np.sqrt(np.mean(swing**2))
+
+
 def test_wave_spread_follows_from_calm_to_rough_and_back():
     swing = waves(900, 2.5, [0.001, 0.001, 0.008])
     swing[300:600] *= 5.0
