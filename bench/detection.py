@@ -1,7 +1,8 @@
 """Speed of the detector at 1280 x 960, beside what a user would write and beside AprilTag.
 
-`python bench/detection.py`. One thread, one run; times are medians, ratios are to the plain
-script. The peer pupil-apriltags is left out, with a line saying so, where it is not installed.
+Run as `python bench/detection.py`. One thread, one run; times are those of the CPU, so other
+programs matter little; ratios are of the medians, to the plain script. The peer pupil-apriltags
+is left out, with a line saying so, where it is not installed.
 """
 
 from __future__ import annotations
@@ -56,14 +57,14 @@ def apriltag(grey: np.ndarray) -> Callable[[], object] | None:
 def interleaved(
     works: dict[str, Callable[[], object]], rounds: int = 60
 ) -> dict[str, list[float]]:
-    """Times in ms; the works take turns, so that what else runs disturbs all alike."""
+    """CPU times of this thread, ms; the works take turns, so that all are disturbed alike."""
     times: dict[str, list[float]] = {name: [] for name in works}
     for turn in range(rounds + 3):
         for name, work in works.items():
-            start = time.perf_counter()
+            start = time.thread_time()
             work()
             if turn >= 3:
-                times[name].append(1e3 * (time.perf_counter() - start))
+                times[name].append(1e3 * (time.thread_time() - start))
     return times
 
 

@@ -121,21 +121,27 @@ class EdgeFit:
         gu, gv = a * x + b * y, b * x + d * y
         t = np.sqrt(gu * x + gv * y)
         steep = 1 / (np.sqrt(gu * gu + gv * gv) + np.float32(1e-9))
-        z = np.clip((t - 1) * t * (steep / np.float32(self._blur)), -FAR, FAR)
+        z = (t - 1) * t * (steep * np.float32(1 / self._blur))
+        np.minimum(np.maximum(z, -FAR, out=z), FAR, out=z)
         zz = z * z
         share = 1 / (1 + np.exp(z * (np.float32(_PHI_1) + np.float32(_PHI_3) * zz)))
         slope = np.exp(np.float32(-0.5) * zz) * np.float32(_PEAK / self._blur)
         steep *= slope
         design = self._design
         nu, nv = np.multiply(gu, steep, out=design[U]), np.multiply(gv, steep, out=design[V])
-        design[2], design[3], design[4] = nu * x, nv * y, nu * y + nv * x
+        np.multiply(nu, x, out=design[2])
+        np.multiply(nv, y, out=design[3])
+        np.add(nu * y, nv * x, out=design[4])
         np.multiply(z, slope, out=design[BLUR])
-        design[6], design[7] = (zz - 1) * slope, (zz - 3) * design[BLUR]
-        rest = 1 - share
-        design[INSIDE], design[9], design[10] = share, share * x, share * y
-        design[OUTSIDE], design[12], design[13] = rest, rest * x, rest * y
+        np.multiply(zz - 1, slope, out=design[6])
+        np.multiply(zz - 3, design[BLUR], out=design[7])
+        design[INSIDE] = share
+        rest = np.subtract(1, share, out=design[OUTSIDE])
+        for first, share_of_side in ((INSIDE + 1, share), (OUTSIDE + 1, rest)):
+            np.multiply(share_of_side, x, out=design[first])
+            np.multiply(share_of_side, y, out=design[first + 1])
         normal = (design @ design.T).astype(float)
-        normal[np.diag_indices(TERMS)] += self._noise * self._likely + 1e-9
+        normal.flat[:: TERMS + 1] += self._noise * self._likely + 1e-9
         self._inverse = np.linalg.inv(normal)
         self._solution = self._inverse @ (design @ self._colours)
         self._rest = self._colours - design.T @ self._solution.astype(np.float32)
@@ -147,18 +153,19 @@ class EdgeFit:
             msg = 'the patch is of the same colour as its surroundings'
             raise DetectionError(msg)
         influence = self._inverse[:2].astype(np.float32) @ self._design
-        scores = np.hypot(*influence)[:, None] * self._rest
+        scores = np.sqrt((influence * influence).sum(0))[:, None] * self._rest
         grid = np.zeros((*self._band.shape, 3), np.float32)
         grid[self._rows, self._columns] = scores
         noise = scores.T @ _summed(grid)[self._rows, self._columns]
         noise = (noise + noise.T).astype(float) / 2
-        noise += np.eye(3) * (SHARED_NOISE * np.trace(noise) + 1e-12)
+        noise.flat[::4] += SHARED_NOISE * np.trace(noise) + 1e-12
         row = np.linalg.solve(noise, difference)
         axis: Array = row / (row @ difference)
         return axis
 
     def _move(self, solution: Array) -> None:
-        du, dv, su, sv, suv, blur = np.clip(solution[:6], -_MOST_MOVE, _MOST_MOVE).tolist()
+        most = _MOST_MOVE
+        du, dv, su, sv, suv, blur = np.minimum(np.maximum(solution[:6], -most), most).tolist()
         stretch = np.array([[1 + su, suv], [suv, 1 + sv]])
         self._centre = self._centre + np.array([du, dv])
         self._moments = stretch @ self._moments @ stretch.T
@@ -180,16 +187,14 @@ class EdgeFit:
         how much, and it is given back.
         """
         edge = self._design[:2]
-        leverage = np.einsum(
-            'kn,kn->n', self._inverse.astype(np.float32) @ self._design, self._design
-        )
         grid = np.zeros((*self._band.shape, 4), np.float32)
         grid[self._rows, self._columns, :2] = edge.T
         grid[self._rows, self._columns, 2:] = (edge * self._left).T
-        products = np.einsum('ijk,ijk->k', grid, _summed(grid), dtype=float)
+        products = np.einsum('ijk,ijk->k', grid, _summed(grid)).astype(float)
         weight = (edge * edge).sum(0)
         total = weight.sum()
-        taken = float(weight @ leverage / total)
+        spread = (self._design * weight) @ self._design.T
+        taken = float((self._inverse * spread).sum() / total)
         variance = float(weight @ (self._left**2)) / (total * max(1 - taken, 0.1)) + 1e-12
         given = RETURNED * taken * products[:2].sum()
         factor = max((products[2:].sum() / variance + given) / total, LEAST_FACTOR)
