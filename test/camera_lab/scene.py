@@ -59,7 +59,7 @@ def camera_parameters(bag: Path) -> dict[str, object]:
         'width': SIZE[0],
         'height': SIZE[1],
         'frame_rate': float(RATE),
-        'frame_timeout': 1.6,
+        'frame_timeout': 2.5,
     }
     for side, serial in SERIALS.items():
         parameters[f'{side}.device'] = serial

@@ -23,7 +23,7 @@ from binopos_ros.bag.messages import position_of, stamp_of
 from binopos_ros.cli import main as binopos
 
 HERE = Path(__file__).resolve().parent
-LIMIT = 290
+LIMIT = 600
 RECOVERY = 2.0
 """Seconds from when the kernel shows a camera again until its images are there."""
 
@@ -198,7 +198,7 @@ def test_damaged_frames_stop_nothing_and_are_counted(results, kind, reasons):
     if reasons:
         counted = {reason: count for reason, count in result['dropped'].items() if count}
         assert reasons <= counted.keys(), counted
-        assert sum(counted[reason] for reason in reasons) == 3
+        assert sum(counted[reason] for reason in reasons) == 2
 
 
 def test_cameras_are_found_by_udevs_links(results):
