@@ -31,7 +31,7 @@ Picture = npt.NDArray[np.uint8]
 JPEG_DECODER = 'cv2' if simplejpeg is None else 'simplejpeg'
 """The decoder of this process. The two may differ in the last grey level, so it never changes."""
 
-MAX_PIXELS = 1 << 26
+MAX_PIXELS = 1 << 25
 """Larger pictures are refused before they are decoded: a lying header must not take the memory."""
 
 MIN_SIDE = 8
