@@ -106,6 +106,7 @@ def refit(
     media: Media,
     free_index: bool = False,
     spacing: float = 1.0,
+    start: list[Pose] | None = None,
 ) -> tuple[list[Pose], float, float]:
     """Fit both cameras' poses, camera constants and principal points to the dots.
 
@@ -115,7 +116,7 @@ def refit(
     """
     seen = [dots(folder, camera, planes) for camera in (1, 2)]
     places = seen[0][1] * [1.0, 1.0, spacing]
-    start = [published(folder, camera) for camera in (1, 2)]
+    start = start or [published(folder, camera) for camera in (1, 2)]
     # At most 90 mrad apart from the start, so a rotation vector to multiply on is regular.
     guess = np.zeros(19)
     for at, pose in zip((3, 12), start, strict=True):
@@ -140,7 +141,7 @@ def refit(
         return np.concatenate([(image - dot).ravel() for image, (dot, _) in pixels])
 
     # Without the index its column is zero, which least_squares' own scaling takes.
-    fit = least_squares(residuals, guess, x_scale='jac', xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    fit = least_squares(residuals, guess, x_scale='jac', xtol=1e-9, ftol=1e-9, gtol=1e-9)
     free = slice(None) if free_index else slice(0, 18)
     variance = (fit.fun**2).sum() / (len(fit.fun) - 19)
     spread = np.linalg.inv(fit.jac[:, free].T @ fit.jac[:, free]) * variance
@@ -166,24 +167,24 @@ class FreeIndex(NamedTuple):
 def free_index(folder: Path) -> FreeIndex:
     """Leave the water's index free in the refit to all planes."""
 
-    def index(
-        planes: tuple[int, ...] = PLANES, media: Media | None = None, spacing: float = 1.0
-    ) -> tuple[float, float]:
-        return refit(folder, planes, media or Media(), True, spacing)[1:]
+    poses, best, own = refit(folder, PLANES, Media(), True)
 
-    best, own = index()
-    left_out = [index(tuple(p for p in PLANES if p != out))[0] for out in PLANES]
+    def index(
+        planes: tuple[int, ...] = PLANES,
+        lean: tuple[float, float] = (0.0, 0.0),
+        spacing: float = 1.0,
+    ) -> float:
+        return refit(folder, planes, Media(best, True, lean), True, spacing, poses)[1]
+
+    left_out = [index(tuple(p for p in PLANES if p != out)) for out in PLANES]
     share = len(PLANES) - 1
-    leans = [
-        index(media=Media(lean=lean))[0] - best
-        for lean in ((PARALLELISM, 0.0), (0.0, PARALLELISM))
-    ]
+    leans = [index(lean=lean) - best for lean in ((PARALLELISM, 0.0), (0.0, PARALLELISM))]
     return FreeIndex(
         best,
         own,
         float(np.sqrt(share * np.var(left_out))),
         float(np.linalg.norm(leans)),
-        abs(index(spacing=1.0 + SPACING)[0] - best),
+        abs(index(spacing=1.0 + SPACING) - best),
     )
 
 
@@ -193,12 +194,8 @@ def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default
     poses = [published(folder, camera) for camera in (1, 2)]
     print('3-D RMS of 1620 dots, mm            published calibration')
-    for name, method in (
-        ('bent', 'refractive'),
-        ("the paper's", 'paper'),
-        ('straight', 'straight'),
-    ):
-        print(f'  {name:<33}{rms(located(folder, poses, PLANES, Media(), method)):.3f}')
+    for method in ('refractive', 'paper', 'straight'):
+        print(f'  {method:<33}{rms(located(folder, poses, PLANES, Media(), method)):.3f}')
     print('refit on planes 1, 2, 4             plane 3, unseen')
     for name, media in (('bent', Media()), ('pinhole', Media(bent=False))):
         fitted = refit(folder, (1, 2, 4), media)[0]

@@ -115,11 +115,11 @@ def test_parameter_uncertainty_is_added_as_simulation_shows(washbowl: StereoRig)
             triangulate(
                 washbowl.perturbed(std * rng.standard_normal(len(names))), *pixels, LEFT, RIGHT
             ).points
-            for _ in range(2000)
+            for _ in range(800)
         ]
     )
     np.testing.assert_allclose(
-        np.sqrt(np.diagonal(unsure.covariances - known.covariances)), cloud.std(axis=0), rtol=0.06
+        np.sqrt(np.diagonal(unsure.covariances - known.covariances)), cloud.std(axis=0), rtol=0.1
     )
 
 
