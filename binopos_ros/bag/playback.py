@@ -5,10 +5,11 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from binopos_ros.bag.errors import BagError
 from binopos_ros.bag.reader import BagReader, Record
+from binopos_ros.parameters import option
 
 _SECOND = 10**9
 _READ_AHEAD_MESSAGES = 1000
@@ -19,64 +20,35 @@ _READ_AHEAD_BYTES = 64 << 20
 class PlayerOptions:
     """How to play a bag; the names are those of `ros2 bag play`."""
 
-    bag: str = field(
-        default='', metadata={'description': 'bag: folder or .mcap file', 'read_only': True}
+    bag: str = option('', 'bag: folder or .mcap file', read_only=True)
+    rate: float = option(1.0, 'speed of playing, 1 is real time', limits=(0.01, 100.0))
+    loop: bool = option(False, 'begin again at the end', read_only=True)
+    start_offset: float = option(
+        0.0, 'begin this long after the start of the bag', 's', limits=(0.0, 1e9), read_only=True
     )
-    rate: float = field(
-        default=1.0,
-        metadata={'description': 'speed of playing, 1 is real time', 'range': (0.01, 100.0)},
+    topics: tuple[str, ...] = option((), 'topics to play, all where empty', read_only=True)
+    remap: tuple[str, ...] = option((), 'names to publish under, FROM:=TO', read_only=True)
+    clock: float = option(
+        0.0,
+        'publish the time of the bag on /clock at this rate, 0: never',
+        'Hz',
+        limits=(0.0, 10000.0),
+        read_only=True,
     )
-    loop: bool = field(
-        default=False,
-        metadata={'description': 'begin again at the end', 'read_only': True},
+    start_paused: bool = option(False, 'wait for the resume service', read_only=True)
+    wait_for_all_acked: int = option(
+        1000,
+        'at the end wait for every acknowledgement, 0: for ever, -1: do not',
+        'ms',
+        limits=(-1, 3600000),
+        read_only=True,
     )
-    start_offset: float = field(
-        default=0.0,
-        metadata={
-            'description': 'begin this long after the start of the bag',
-            'unit': 's',
-            'range': (0.0, 1e9),
-            'read_only': True,
-        },
-    )
-    topics: tuple[str, ...] = field(
-        default=(),
-        metadata={'description': 'topics to play, all where empty', 'read_only': True},
-    )
-    remap: tuple[str, ...] = field(
-        default=(),
-        metadata={'description': 'names to publish under, FROM:=TO', 'read_only': True},
-    )
-    clock: float = field(
-        default=0.0,
-        metadata={
-            'description': 'publish the time of the bag on /clock at this rate, 0: never',
-            'unit': 'Hz',
-            'range': (0.0, 10000.0),
-            'read_only': True,
-        },
-    )
-    start_paused: bool = field(
-        default=False,
-        metadata={'description': 'wait for the resume service', 'read_only': True},
-    )
-    wait_for_all_acked: int = field(
-        default=1000,
-        metadata={
-            'description': 'at the end wait for every acknowledgement, 0: for ever, -1: do not',
-            'unit': 'ms',
-            'range': (-1, 3600000),
-            'read_only': True,
-        },
-    )
-    wait_for_subscribers: float = field(
-        default=5.0,
-        metadata={
-            'description': 'longest wait for subscribers before the first message, 0: none',
-            'unit': 's',
-            'range': (0.0, 3600.0),
-            'read_only': True,
-        },
+    wait_for_subscribers: float = option(
+        5.0,
+        'longest wait for subscribers before the first message, 0: none',
+        's',
+        limits=(0.0, 3600.0),
+        read_only=True,
     )
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from binopos_ros.bag.definitions import Definition
@@ -17,6 +17,7 @@ from binopos_ros.bag.errors import BagError
 from binopos_ros.bag.mcap_file import COMPRESSIONS
 from binopos_ros.bag.qos import Qos
 from binopos_ros.bag.writer import BagWriter
+from binopos_ros.parameters import option
 
 FLUSH_PERIOD = 0.5
 #: Large, so that time and not size ends a chunk, and a long recording's index stays small.
@@ -29,42 +30,25 @@ QUEUE_BYTES = 256 << 20
 class RecorderOptions:
     """What to record, and where to."""
 
-    bag: str = field(
-        default='', metadata={'description': 'folder or .mcap file to make', 'read_only': True}
+    bag: str = option('', 'folder or .mcap file to make', read_only=True)
+    all: bool = option(False, "every topic, not only the suite's", read_only=True)
+    topics: tuple[str, ...] = option((), "topics to record instead of the suite's", read_only=True)
+    compression: str = option(
+        'none', 'of the chunks; JPEG images hardly shrink', choices=COMPRESSIONS, read_only=True
     )
-    all: bool = field(
-        default=False,
-        metadata={'description': "every topic, not only the suite's", 'read_only': True},
+    max_bag_size: int = option(
+        4 << 30,
+        'begin a new file of the bag beyond this size, 0: never',
+        'bytes',
+        limits=(0, 1 << 50),
+        read_only=True,
     )
-    topics: tuple[str, ...] = field(
-        default=(),
-        metadata={'description': "topics to record instead of the suite's", 'read_only': True},
-    )
-    compression: str = field(
-        default='none',
-        metadata={
-            'description': 'of the chunks; JPEG images hardly shrink',
-            'choices': COMPRESSIONS,
-            'read_only': True,
-        },
-    )
-    max_bag_size: int = field(
-        default=4 << 30,
-        metadata={
-            'description': 'begin a new file of the bag beyond this size, 0: never',
-            'unit': 'bytes',
-            'range': (0, 1 << 50),
-            'read_only': True,
-        },
-    )
-    max_bag_duration: float = field(
-        default=3600.0,
-        metadata={
-            'description': 'begin a new file of the bag after this time, 0: never',
-            'unit': 's',
-            'range': (0.0, 1e7),
-            'read_only': True,
-        },
+    max_bag_duration: float = option(
+        3600.0,
+        'begin a new file of the bag after this time, 0: never',
+        's',
+        limits=(0.0, 1e7),
+        read_only=True,
     )
 
     def __post_init__(self) -> None:
