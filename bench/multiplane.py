@@ -140,8 +140,8 @@ def refit(
         pixels = zip(rig.project(points), seen, strict=True)
         return np.concatenate([(image - dot).ravel() for image, (dot, _) in pixels])
 
-    # Without the index its column is zero, which least_squares' own scaling takes.
-    fit = least_squares(residuals, guess, x_scale='jac', xtol=1e-9, ftol=1e-9, gtol=1e-9)
+    # Without the index its column is zero, which MINPACK's scaling takes.
+    fit = least_squares(residuals, guess, method='lm', x_scale='jac', xtol=1e-9, ftol=1e-9)
     free = slice(None) if free_index else slice(0, 18)
     variance = (fit.fun**2).sum() / (len(fit.fun) - 19)
     spread = np.linalg.inv(fit.jac[:, free].T @ fit.jac[:, free]) * variance
