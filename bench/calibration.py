@@ -133,10 +133,12 @@ def opencv(pictures: tuple[PicturePair, ...], focal: float, baseline: float) -> 
     )
 
 
-def interface_table(rigs: int, views: int) -> str:
+def interface_table(rigs: int, views: int, index: float, ruler: float) -> str:
     """Simulated rigs, as many of each kind: errors, stated deviations, coverage, positions."""
     lines = [
-        f'{rigs} rigs, {views} views of the {BOARD} tilted by 15-55 degrees, {NOISE} px',
+        f'{rigs} rigs, {views} views of the {BOARD} tilted by 15-55 degrees, {NOISE} px'
+        + (f', index known to {index}' if index > 0 else '')
+        + (f', distance measured to {1000 * ruler:g} mm' if ruler > 0 else ''),
         '| | index | normal (deg) | distance (mm) | in the 95 % region | position / bound | '
         'position / exact rig |',
         '|---|---|---|---|---|---|---|',
@@ -152,7 +154,9 @@ def interface_table(rigs: int, views: int) -> str:
             truth = RigState.of(rig)
             seen = see_boards(rig, depths, rng, views)
             air = replace(truth, interfaces={})
-            result = calibrate_interface(air, seen, guesses_for(rig))
+            water = float(rig.target_index) + index * rng.normal()
+            guesses = [measured(rig, one, water, index, ruler, rng) for one in guesses_for(rig)]
+            result = calibrate_interface(air, seen, guesses)
             error = -truth.minus(result.state)
             own = [
                 i
@@ -261,18 +265,44 @@ def guesses_for(rig: StereoRig) -> list[InterfaceGuess]:
     ]
 
 
+def measured(
+    rig: StereoRig,
+    guess: InterfaceGuess,
+    water: float,
+    index: float,
+    ruler: float,
+    rng: np.random.Generator,
+) -> InterfaceGuess:
+    """A guess with the index `water` known to `index`, the distance to `ruler` (m), if > 0."""
+    if index > 0.0:
+        indices = (*guess.indices[:-1], water)
+        guess = replace(guess, indices=indices, deviations={'target_index': index})
+    if ruler > 0.0:
+        distance = getattr(rig, guess.place).distance + ruler * rng.normal()
+        guess = replace(
+            guess, distance=distance, deviations={**guess.deviations, 'distance': ruler}
+        )
+    return guess
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--rigs', type=int, default=150)
     parser.add_argument('--views', type=int, default=10)
+    parser.add_argument('--known-index', type=float, default=0.0, metavar='SD')
+    parser.add_argument('--ruler', type=float, default=0.0, metavar='SD', help='m')
     parser.add_argument('--only', choices=('stereo', 'interface'))
     arguments = parser.parse_args()
     if arguments.only != 'interface':
         with tempfile.TemporaryDirectory() as folder:
             print(stereo_table(Path(folder)), end='\n\n')
     if arguments.only != 'stereo':
-        print(interface_table(arguments.rigs, arguments.views))
+        print(
+            interface_table(
+                arguments.rigs, arguments.views, arguments.known_index, arguments.ruler
+            )
+        )
 
 
 if __name__ == '__main__':
