@@ -6,13 +6,13 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 DEMO_BAG ?= bags/demo
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check bench soak clean
 
 demo: $(VENV)/ready
 	$(BIN)/binopos replay $(DEMO_BAG)
 
 test: check
-	$(BIN)/python -m pytest -m 'not live' -n $(JOBS) --dist loadgroup $(PYTEST_ARGS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m 'not live' -n $(JOBS) --dist loadgroup $(PYTEST_ARGS)
 	$(BIN)/python -m pytest -m live $(PYTEST_ARGS)
 
 # Format, lint and types.
@@ -21,9 +21,16 @@ check: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+# Figures of speed and accuracy, each beside a peer in the same run; a quarter of an hour.
 bench: $(VENV)/ready
 	$(BIN)/pip install --quiet -r requirements-bench.txt
-	for script in bench/*.py; do $(BIN)/python $$script || exit 1; done
+	for name in optics index detection smoothing bags rendering pipeline; do \
+		echo "== bench/$$name.py"; $(BIN)/python bench/$$name.py || exit 1; done
+
+# 200 times unplugged and plugged in again, in a virtual machine; about an hour.
+soak: $(VENV)/ready
+	test/camera_lab/setup
+	PYTHON=$(BIN)/python test/camera_lab/soak
 
 $(VENV)/ready: requirements.txt requirements-test.txt setup.py
 	$(PYTHON) -m venv $(VENV)

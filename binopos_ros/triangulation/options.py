@@ -26,7 +26,7 @@ class InterfaceOptions:
         0.0, "along the normal, from the camera's centre to the first surface", 'm', (0.0, 1000.0)
     )
     indices: tuple[float, ...] = option(
-        (), 'refractive indices, camera side first', '1', (1.0, 5.0)
+        (), 'refractive indices, camera side first', '1', (1.0, 4.0)
     )
     thicknesses: tuple[float, ...] = option(
         (), 'of the layers between the first and the last medium', 'm', (0.0, 100.0)
