@@ -11,7 +11,7 @@ import numpy as np
 from .candidates import Window, find, search_factor
 from .centre import measure
 from .errors import DetectionError
-from .images import JPEG_DECODER, ColourFrame, Frame, JpegImage, Picture, RawImage, decode
+from .images import ColourFrame, Frame, JpegImage, Picture, RawImage, decode
 from .options import DetectorOptions
 from .paper import detect_by_extremes
 from .target import Candidate, Detection, Target
@@ -48,8 +48,7 @@ class Detector:
             frame = decode(image)
         except DetectionError as error:
             return Detection(None, str(error))
-        decoder = JPEG_DECODER if isinstance(image, JpegImage) else ''
-        return replace(self.detect_in(frame), decoder=decoder)
+        return self.detect_in(frame)
 
     def detect_in(self, frame: Frame) -> Detection:
         """Find the target in a decoded image."""

@@ -66,11 +66,10 @@ _PHI_1, _PHI_3 = 1.5976, 0.070565992
 
 @dataclass(frozen=True)
 class Measured:
-    """A measured outline, the centre's covariance (2, 2) px^2, and the edge's blur, px."""
+    """A measured outline, and its centre's covariance (2, 2) px^2."""
 
     outline: Ellipse
     covariance: Array
-    blur: float
 
 
 class EdgeFit:
@@ -177,7 +176,7 @@ class EdgeFit:
         if not (np.isfinite(outline.centre).all() and outline.semi_axes[1] > 0.5):
             msg = 'the fit of the outline came to nothing'
             raise DetectionError(msg)
-        return Measured(outline, self._covariance(), self._blur)
+        return Measured(outline, self._covariance())
 
     def _covariance(self) -> Array:
         """The centre's covariance from the residuals along the edge.

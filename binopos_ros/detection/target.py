@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -79,4 +79,3 @@ class Detection:
     candidates: tuple[Candidate, ...] = ()
     threshold: float = float('nan')
     tracked: bool = False
-    decoder: str = field(default='')
