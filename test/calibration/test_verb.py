@@ -165,7 +165,7 @@ def test_bad_input_is_one_line(
 def test_another_board_is_named(
     samples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in ('left01.jpg', 'right01.jpg', 'left03.jpg', 'right03.jpg'):
+    for name in ('left01.jpg', 'right01.jpg'):
         (tmp_path / name).write_bytes((samples / name).read_bytes())
     line = line_of(words('calibrate stereo {at} --square 0.025 --board 9x7', at=tmp_path), capsys)
     assert 'no 9x7 chessboard' in line
