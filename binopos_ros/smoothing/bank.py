@@ -124,17 +124,21 @@ class Bank:
         real = exponentials.real
         switch = real[..., WAVES + 1 :] @ self._switch_basis
         states, covariances, weights = self._interact(bank, switch)
-        shape = (*weights.shape[:-1], MODELS, 1, SIZE, SIZE)
+        shape = (*weights.shape[:-1], MODELS, SIZE, SIZE)
         powers = time**_ORDERS
         factors = [powers[..., :2], exponentials[..., :WAVES].imag, real[..., : WAVES + 1]]
         psi = (np.concatenate(factors, axis=-1) @ self._transition_basis).reshape(shape)
         noise = (powers @ self._noise_basis).reshape(shape)
-        moved = psi @ covariances @ psi.swapaxes(-1, -2) + noise
+        # The axes of a hypothesis share its transition: one product for all three of them.
+        back = psi.swapaxes(-1, -2)
+        rows = (*weights.shape[:-1], MODELS, 3 * SIZE, SIZE)
+        half = (covariances.reshape(rows) @ back).reshape(covariances.shape).swapaxes(-1, -2)
+        moved = (half.reshape(rows) @ back).reshape(covariances.shape) + noise[..., None, :, :]
         # The waves are stationary, so what drives them is what the transition lets go of.
         spin = psi[..., S:, S:]
         driving = _EYE2 - spin @ spin.swapaxes(-1, -2)
-        moved[..., S:, S:] += wave[..., None, :, None, None] * driving
-        return Hypotheses((psi @ states[..., None])[..., 0], moved, weights)
+        moved[..., S:, S:] += wave[..., None, :, None, None] * driving[..., None, :, :]
+        return Hypotheses(states @ back, moved, weights)
 
     def _interact(self, bank: Hypotheses, switch: Array) -> Hypotheses:
         """Return the bank mixed by the probabilities `switch` (..., M M), from the row's on."""

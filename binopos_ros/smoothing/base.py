@@ -104,8 +104,9 @@ class Filter(ABC, Generic[MemoryT]):
             `reason` says why the measurement was not used; the state is then the prediction.
 
         """
-        measured = np.asarray(position, dtype=np.float64)
-        spread = np.asarray(covariance, dtype=np.float64)
+        # Copies: a late measurement takes them in again, and the caller may reuse its arrays.
+        measured = np.array(position, dtype=np.float64)
+        spread = np.array(covariance, dtype=np.float64)
         if not math.isfinite(stamp):
             return self._say(self._stamp, 'the stamp is not finite')
         reason = _why_bad(measured, spread)

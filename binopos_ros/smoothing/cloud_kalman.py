@@ -49,10 +49,10 @@ Array = NDArray[np.float64]
 _LEAST_CERTAINTY = 1e-8
 #: Drops that the assumed wave height at the start counts for.
 _DROPS_AT_START = 10.0
-#: The axes follow the line of sight once its direction is off by half a degree: tan^2.
-_TURNED = math.tan(math.radians(0.5)) ** 2
+#: The axes follow the line of sight once its direction is off by half a degree: tangent.
+_TURNED = math.tan(math.radians(0.5))
 #: Sums over the axes as products: far cheaper than sum() on arrays as small as these.
-_AXES = np.ones(3)
+_AXES = np.ones((3, 1))
 #: Share of the newest certainty in the trust: wrong detections seldom come in a row.
 _FORGETTING = 0.3
 #: Wave variance (m^2) below which there are no waves.
@@ -154,7 +154,7 @@ class CloudKalmanFilter(Filter[_Memory]):
         return _Memory(bank, cloud, wave, axes, np.ones(batch), np.ones((*batch, 1)))
 
     def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
-        return memory._replace(bank=self._bank.advance(memory.bank, memory.wave, elapsed))
+        return _Memory(self._bank.advance(memory.bank, memory.wave, elapsed), *memory[1:])
 
     def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
         memory, variance = _turned(memory, covariance)
@@ -164,7 +164,7 @@ class CloudKalmanFilter(Filter[_Memory]):
         measured = (memory.axes @ position[..., None])[..., 0]
         bank = _controlled(memory.bank, cloud.expectation, squared_entropy / self.options.window)
         innovation, expected, cross = innovations(bank, measured, variance)
-        doubt = (cloud.variance @ _AXES[:, None]) / (squared_entropy @ _AXES[:, None])
+        doubt = (cloud.variance @ _AXES) / (squared_entropy @ _AXES)
         widening = np.maximum(doubt, 1.0) / (memory.trust * memory.trust)
         certainty = self._certainty(innovation, expected, widening)
         bank = update(bank, innovation, expected, cross, certainty)
@@ -180,7 +180,7 @@ class CloudKalmanFilter(Filter[_Memory]):
         `widening` is the factor by which hyper-entropy, (En^2 + He^2) / En^2 over all axes, and
         a lack of trust raise the variance that a position may have.
         """
-        squared = (innovation * innovation / expected) @ _AXES
+        squared = ((innovation * innovation / expected) @ _AXES)[..., 0]
         squared = np.minimum.reduce(squared, axis=-1, keepdims=True)
         return np.exp(squared / (self._doubled_width * widening))
 
@@ -214,7 +214,7 @@ def _controlled(bank: Hypotheses, lag: Array, doubt: Array) -> Hypotheses:
     control = lag * (squared / (squared + doubt))
     states = bank.states.copy()
     states[..., TURNING, :, P] += control[..., None, :]
-    return bank._replace(states=states)
+    return Hypotheses(states, bank.covariances, bank.weights)
 
 
 def _along(axes: Array, covariance: Array) -> Array:
@@ -223,7 +223,7 @@ def _along(axes: Array, covariance: Array) -> Array:
 
 
 def _squared_length(vector: Array) -> Array:
-    return (vector * vector) @ _AXES[: vector.shape[-1], None]
+    return (vector * vector) @ _AXES
 
 
 def _turned(memory: _Memory, covariance: Array) -> tuple[_Memory, Array]:
@@ -234,9 +234,10 @@ def _turned(memory: _Memory, covariance: Array) -> tuple[_Memory, Array]:
     """
     turned = _along(memory.axes, covariance)
     variance = turned.diagonal(axis1=-2, axis2=-1)
-    tilt = _squared_length(turned[..., 2, :2]) > _TURNED * variance[..., 2:] ** 2
-    if not tilt.any():
+    off = np.abs(turned[..., 2, :2]) > _TURNED * variance[..., 2:]
+    if not off.any():
         return memory, variance
+    tilt = off[..., :1] | off[..., 1:]
     axes = np.where(tilt[..., None], _follow(memory.axes, covariance), memory.axes)
     turn = (axes @ memory.axes.swapaxes(-1, -2))[..., None, :, :]
     states = memory.bank.states
