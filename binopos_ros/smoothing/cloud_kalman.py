@@ -189,17 +189,17 @@ class CloudKalmanFilter(Filter[_Memory]):
 
     def _estimate(self, memory: _Memory) -> Estimate:
         axes = memory.axes
-        back = axes.swapaxes(-1, -2)
+        batch = axes.shape[:-2]
         mean, spread = moments(memory.bank)
-        vectors = back @ mean
-        # (..., axis, a, b) to (..., a, b, 1, axis): one 3 x 3 rotation per pair of p and v.
-        blocks = spread.swapaxes(-3, -1)[..., None, :] * back[..., None, None, :, :]
-        covariance = (blocks @ axes[..., None, None, :, :]).swapaxes(-3, -2)
-        covariance = covariance.reshape(*covariance.shape[:-4], 6, 6)
+        vectors = axes.swapaxes(-1, -2) @ mean
+        # The sum over the axes e of (2, 2) blocks times e e^T, from (a, b, i, j) to (a i, b j).
+        blocks = (self.options.covariance_scale * spread).reshape(*batch, 3, 4).swapaxes(-1, -2)
+        directions = (axes[..., :, None] * axes[..., None, :]).reshape(*batch, 3, 9)
+        covariance = (blocks @ directions).reshape(*batch, 2, 2, 3, 3).swapaxes(-3, -2)
         return Estimate(
             vectors[..., 0],
             vectors[..., 1],
-            self.options.covariance_scale * covariance,
+            covariance.reshape(*batch, 6, 6),
             np.where(memory.certainty > _LEAST_CERTAINTY, memory.certainty, 0.0),
         )
 
