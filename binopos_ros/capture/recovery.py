@@ -29,8 +29,9 @@ CLOSED, WAITING, STREAMING, LOST = STATES = ('closed', 'waiting', 'streaming', '
 
 FIRST_PAUSE = 0.1
 LONGEST_PAUSE = 1.0
-LONGEST_PAUSE_WHILE_GONE = 0.4
-"""An absent camera is only looked for in sysfs, which costs next to nothing."""
+LONGEST_SHORT_PAUSE = 0.4
+"""While a camera is absent, which is seen in sysfs at next to no cost, and after a freeze, which
+has taken its time already."""
 STEADY = 5.0
 """Seconds of streaming after which the next loss begins with the smallest pause again."""
 FAILURES_BEFORE_RESET = 3
@@ -89,7 +90,7 @@ class Pauses:
         """The pause (s) after a loss, the camera having been open for `lasted` s."""
         if lasted > STEADY:
             self._next = FIRST_PAUSE
-        longest = LONGEST_PAUSE_WHILE_GONE if cause == GONE else LONGEST_PAUSE
+        longest = LONGEST_SHORT_PAUSE if cause in (GONE, FROZEN) else LONGEST_PAUSE
         pause = min(self._next, longest)
         self._next = min(2.0 * self._next, LONGEST_PAUSE)
         return pause

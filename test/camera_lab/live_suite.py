@@ -184,10 +184,18 @@ class Lab:
         observer.spin(lambda: observer.counts[POSE] > 0, START)
 
     def undisturbed(self) -> None:
-        self.observer.spin(lambda: False, 3.0)
-        self.observer.kept = []
-        self.observer.spin(lambda: False, UNDISTURBED)
-        kept, self.observer.kept = self.observer.kept, None
+        observer = self.observer
+        observer.kept = []
+        observer.spin(lambda: False, UNDISTURBED)
+        # What is on its way through the suite still counts; further images do not.
+        last = max(stamp for topic, _, stamp, _ in observer.kept if topic in IMAGES.values())
+        observer.spin(
+            lambda: any(
+                topic == POSE and stamp >= last for topic, _, stamp, _ in observer.kept or ()
+            )
+        )
+        kept, observer.kept = observer.kept, None
+        kept = [one for one in kept if one[2] <= last]
         with (self.out / 'messages.pickle').open('wb') as file:
             pickle.dump(kept, file)
         self.results['undisturbed'] = {

@@ -26,6 +26,9 @@ HERE = Path(__file__).resolve().parent
 LIMIT = 600
 RECOVERY = 2.0
 """Seconds from when the kernel shows a camera again until its images are there."""
+LONGER_TIMEOUT = 1.5
+"""By so much the lab's slow cameras need a longer `frame_timeout` than by default; a camera that
+was opened while it could not send is given that long."""
 
 pytestmark = [pytest.mark.live, pytest.mark.xdist_group('camera lab')]
 
@@ -172,7 +175,7 @@ def test_a_fault_is_told_and_mended(results, fault, words):
     assert result['told'], result
     assert words in result['said']
     assert result['seconds_to_image'] is not None
-    assert result['seconds_to_image'] < RECOVERY
+    assert result['seconds_to_image'] < RECOVERY + (LONGER_TIMEOUT if fault == 'stall' else 0.0)
     assert result['seconds_to_pose'] is not None
 
 

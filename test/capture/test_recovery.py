@@ -324,5 +324,6 @@ def test_pauses_grow_and_begin_small_again_after_a_steady_stream(monkeypatch):
     waited = [pauses.after(errors.BUSY, 0.0) for _ in range(8)]
     assert waited == sorted(waited)
     assert waited[0] < waited[3] < waited[-1] == recovery.LONGEST_PAUSE
-    assert pauses.after(errors.GONE, 0.0) == recovery.LONGEST_PAUSE_WHILE_GONE
+    for cause in (errors.GONE, errors.FROZEN):
+        assert pauses.after(cause, 0.0) == recovery.LONGEST_SHORT_PAUSE
     assert pauses.after(errors.BUSY, recovery.STEADY + 1.0) == waited[0]
