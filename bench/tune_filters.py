@@ -23,7 +23,7 @@ from binopos_ros.smoothing.trials.sequences import Sequence, training_set
 from binopos_ros.smoothing.trials.training import examples, train
 from binopos_ros.smoothing.trials.tuning import SEARCHED, minimise, objective, options_at
 
-WEIGHTS_HEADER = '''"""The network of the BP-Kalman filter, from ``python bench/tune_filters.py``."""
+WEIGHTS_HEADER = '''"""The BP-Kalman filter's network, from ``python bench/tune_filters.py``."""
 '''
 HEADER = '''"""Tuned defaults of every filter, found by ``python bench/tune_filters.py``."""
 
