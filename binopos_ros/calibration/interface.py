@@ -16,7 +16,6 @@ import numpy as np
 from binopos_ros.calibration.adjust import Adjustment, Prior, View, adjust
 from binopos_ros.calibration.covariance import ParameterCovariance
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.projection import Pose
 from binopos_ros.calibration.start import other_pose, straight_poses, sunk
 from binopos_ros.calibration.state import (
     LEFT,
@@ -38,6 +37,12 @@ SUSPICIOUS = 1.5  # times the median RMS of the views
 FEWEST_INLIERS = 0.7  # of a view's points
 #: First guesses of an unknown distance, as parts of the way to the nearest board.
 FRACTIONS = (0.5, 0.15, 0.85)
+#: Above this standard deviation (px) some views are asked what else would explain them.
+SUSPECT = 0.35
+ENOUGH_TO_ASK = 5
+EXPLAINED = 0.6  # of the RMS may be left by an explanation, and no more than 2 SUSPECT
+SCALES = (0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
+HOPELESS = 3.0  # px
 GOOD_START = 0.5  # px; a descent into a wrong valley ends far above it
 
 
@@ -156,12 +161,7 @@ def calibrate_interface(
     _check_places(guesses)
     if not views:
         return _ruler_only(air, guesses, air_covariance)
-    straight = straight_poses(air, views)
-    nearest = min(
-        float(np.min(pose.apply(view.points)[:, 2]))
-        for pose, view in zip(straight, views, strict=True)
-    )
-    best, prior = _best_start(air, views, straight, nearest, guesses, air_covariance, free_cameras)
+    best, prior = _best_start(air, views, guesses, air_covariance, free_cameras)
     fit = adjust(best.state, best.poses, views, best.free, prior, robust=robust, sigma=sigma)
     dropped: list[Dropped] = []
     fit = _turn_boards(fit, views, prior, sigma)
@@ -173,6 +173,8 @@ def calibrate_interface(
         poses = [pose for i, pose in enumerate(fit.poses) if i != worst]
         fit = adjust(fit.state, poses, views, fit.free, prior, sigma=sigma)
         fit = _turn_boards(fit, views, prior, sigma)
+    if not free_cameras:
+        _refuse_misfit(fit, air, views, guesses, air_covariance)
     return InterfaceCalibration(
         fit.state,
         fit.covariance,
@@ -181,6 +183,51 @@ def calibrate_interface(
         tuple(views),
         tuple(dropped),
     )
+
+
+def _refuse_misfit(
+    fit: Adjustment,
+    air: RigState,
+    views: Sequence[View],
+    guesses: Sequence[InterfaceGuess],
+    air_covariance: ParameterCovariance | None,
+) -> None:
+    """Say what is wrong where no interface explains the pictures.
+
+    Raises:
+        CalibrationError: swapped cameras, a board of another size, or pairs that do not fit.
+    """
+    if fit.sigma < SUSPECT:
+        return
+    rms = fit.rms()
+    some = views[:ENOUGH_TO_ASK]
+
+    def error(changed: Sequence[View]) -> float:
+        try:
+            best = _best_start(air, changed, guesses, air_covariance, False)[0]
+        except CalibrationError:
+            return np.inf
+        return best.rms()
+
+    explained = min(EXPLAINED * rms, 2.0 * SUSPECT)
+    lead = f'no such interface explains the pictures: they miss by {rms:.2f} px'
+    if error([replace(view, pixels=view.pixels[::-1]) for view in some]) < explained:
+        raise CalibrationError(f'{lead}; left and right are swapped: swap the two sources')
+    scaled = {
+        scale: error([replace(view, points=scale * view.points) for view in some])
+        for scale in SCALES
+    }
+    scale = min(scaled, key=lambda one: scaled[one])
+    if scaled[scale] < explained:
+        raise CalibrationError(
+            f'{lead}, with a board about {scale:g} times as large by {scaled[scale]:.2f} px: '
+            "check the board's size"
+        )
+    if fit.sigma > HOPELESS:
+        raise CalibrationError(
+            f'{lead}: the pictures of a pair do not belong together, or the cameras have moved '
+            'since they were calibrated'
+        )
 
 
 def _outlying(fit: Adjustment) -> list[int]:
@@ -222,13 +269,16 @@ def _drop(fit: Adjustment, views: Sequence[View], worst: int) -> Dropped:
 def _best_start(
     air: RigState,
     views: Sequence[View],
-    straight: Sequence[Pose],
-    nearest: float,
     guesses: Sequence[InterfaceGuess],
     air_covariance: ParameterCovariance | None,
     free_cameras: bool,
 ) -> tuple[Adjustment, Prior]:
     """Of several first distances, the one from which the pictures are explained best."""
+    straight = straight_poses(air, views)
+    nearest = min(
+        float(np.min(pose.apply(view.points)[:, 2]))
+        for pose, view in zip(straight, views, strict=True)
+    )
     best: tuple[Adjustment, Prior] | None = None
     trouble = ''
     for fraction in FRACTIONS:

@@ -194,6 +194,26 @@ def test_a_bad_view_is_left_out_with_the_reason(
     assert np.sqrt(square) < np.radians(0.4)
 
 
+def test_pictures_of_something_else_are_refused(
+    rig_maker: Any, board_viewer: Any, guesser: Any
+) -> None:
+    rng = np.random.default_rng(8)
+    rig, depths = rig_maker('surface', rng)
+    views = board_viewer(rig, depths, rng, count=5)
+    air = replace(RigState.of(rig), interfaces={})
+    wrong = {
+        'left and right are swapped': [replace(v, pixels=v.pixels[::-1]) for v in views],
+        "check the board's size": [replace(v, points=1.1 * v.points) for v in views],
+        'do not belong together': [
+            replace(v, pixels=(v.pixels[0], views[(i + 2) % 5].pixels[1]))
+            for i, v in enumerate(views)
+        ],
+    }
+    for line, seen in wrong.items():
+        with pytest.raises(CalibrationError, match=line):
+            calibrate_interface(air, seen, guesser(rig))
+
+
 def test_same_optimum_as_scipy(rig_maker: Any, board_viewer: Any, guesser: Any) -> None:
     rng = np.random.default_rng(9)
     rig, depths = rig_maker('surface', rng)
