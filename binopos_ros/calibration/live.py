@@ -26,10 +26,18 @@ class LiveSession:
         solve: see `Guidance`.
         wanted: standard deviation of a position that is good enough (m).
         distance: working distance (m).
+        window: half-width of the corners' refinement (px); None follows the squares.
     """
 
-    def __init__(self, board: Board, solve: Solve, wanted: float, distance: float) -> None:
-        self._board, self._solve = board, solve
+    def __init__(
+        self,
+        board: Board,
+        solve: Solve,
+        wanted: float,
+        distance: float,
+        window: int | None = None,
+    ) -> None:
+        self._board, self._solve, self._window = board, solve, window
         self._wanted, self._distance = wanted, distance
         self.guidance: Guidance | None = None
         self.done = False
@@ -61,7 +69,7 @@ class LiveSession:
 
     def _find(self, image: np.ndarray) -> BoardView | None:
         try:
-            return find_board(image, self._board)
+            return find_board(image, self._board, self._window)
         except CalibrationError:
             return None  # a mirrored board, held the wrong way round for a moment
 

@@ -188,7 +188,7 @@ def _taken_live(
     for name in ('wanted', 'distance'):
         if not getattr(arguments, name) > 0.0:
             raise CalibrationError(f'--{name} {getattr(arguments, name):g}: give metres above 0')
-    session = LiveSession(board, solve, arguments.wanted, arguments.distance)
+    session = LiveSession(board, solve, arguments.wanted, arguments.distance, arguments.window)
     clear = '\x1b[H\x1b[2J' if sys.stdout.isatty() else ''
     print('waiting for pictures of both cameras ...', flush=True)
     # Ctrl-C ends the taking, not the verb: what was taken is calibrated.
