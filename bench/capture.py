@@ -109,8 +109,9 @@ def measure_in_lab() -> int:
         script = Path(folder, 'bench.sh')
         script.write_text(
             f'load_uvc; export PYTHONPATH={PROJECT}\n'
-            f'{sys.executable} {LAB}/show.py {folder}/left BENCH &\n'
+            f'{sys.executable} {LAB}/show.py {folder}/left BENCH & camera=$!\n'
             f'wait_for /dev/video0; sleep 1; {sys.executable} {__file__} /dev/video0\n'
+            'kill $camera; wait $camera\n'
         )
         return subprocess.run([LAB / 'run_guest', '-t', '280', script], check=False).returncode
 

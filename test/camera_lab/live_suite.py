@@ -254,7 +254,8 @@ class Lab:
                 self.observer.spin(lambda: right.faults[kind] <= 0, 10.0)
 
             self.recover(kind, 'right', spoil, lambda: None)
-            self.observer.spin(lambda before=before: self._dropped() != before, 4.0)
+            whole = sum(before.values()) + count
+            self.observer.spin(lambda whole=whole: sum(self._dropped().values()) >= whole, 4.0)
             after = self._dropped()
             self.results[kind]['dropped'] = {
                 reason: after[reason] - before.get(reason, 0) for reason in after

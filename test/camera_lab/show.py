@@ -9,12 +9,12 @@ import signal
 import sys
 from pathlib import Path
 
-from scene import RATE, SIZE
+from scene import SIZE
 from virtual_camera.camera import VirtualCamera
 
 if __name__ == '__main__':
     frames = [path.read_bytes() for path in sorted(Path(sys.argv[1]).iterdir())]
-    camera = VirtualCamera(frames, SIZE, (RATE, 30), sys.argv[2])
+    camera = VirtualCamera(frames, SIZE, (30,), sys.argv[2])
     camera.plug()
     signal.sigwait({signal.SIGINT, signal.SIGTERM})
     camera.unplug()

@@ -92,6 +92,8 @@ def main(scene: Path, cycles: int) -> int:
             )
     node.send_signal(signal.SIGINT)
     status = node.wait(20.0)
+    for camera in cameras:
+        camera.unplug()
     first, last = levels[SETTLED], levels[max(levels)]
     grown = last[:2] != first[:2] or last[2] > first[2] + MEMORY_SLACK
     print('something was left behind' if grown else 'nothing was left behind', flush=True)
