@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from statistics import median
 
@@ -51,8 +52,11 @@ def held(process: int) -> tuple[int, int, int]:
 
 def opened(process: int) -> int:
     """How many cameras a process has open."""
-    links = Path(f'/proc/{process}/fd').iterdir()
-    return sum(os.readlink(link).startswith('/dev/video') for link in links)
+    count = 0
+    for link in Path(f'/proc/{process}/fd').iterdir():
+        with suppress(FileNotFoundError):  # closed while we look
+            count += os.readlink(link).startswith('/dev/video')
+    return count
 
 
 def main(scene: Path, cycles: int) -> int:
