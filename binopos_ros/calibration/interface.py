@@ -39,7 +39,7 @@ FEWEST_INLIERS = 0.7  # of a view's points
 FRACTIONS = (0.5, 0.15, 0.85)
 #: Above this standard deviation (px) some views are asked what else would explain them.
 SUSPECT = 0.35
-ENOUGH_TO_ASK = 5
+ENOUGH_TO_ASK = 3
 EXPLAINED = 0.6  # of the RMS may be left by an explanation, and no more than 2 SUSPECT
 SCALES = (0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
 HOPELESS = 3.0  # px
