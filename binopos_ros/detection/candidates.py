@@ -8,6 +8,7 @@ quick.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import cv2
@@ -79,7 +80,14 @@ def find(frame: Frame, window: Window, options: DetectorOptions) -> tuple[list[C
 
 def _noise(shades: Map) -> float:
     rest = (shades - cv2.blur(shades, (3, 3)))[::NOISE_STEP, ::NOISE_STEP]
-    return 1.5 * float(np.median(np.abs(rest)))
+    return 1.5 * _median(np.abs(rest))
+
+
+def _median(values: Map) -> float:
+    """The median; of an even number of values, the upper of the middle two."""
+    flat, middle = values.ravel(), values.size // 2
+    flat.partition(middle)
+    return float(flat[middle])
 
 
 def _seeds(shades: Map, threshold: float) -> list[tuple[int, int, int]]:
@@ -118,7 +126,7 @@ def _outlined(shades: Map, column: int, row: int, size: int) -> _Patch | None:
                 max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
             ].mean()
         )
-        outside = float(np.median(_frame_of(part)))
+        outside = _median(_frame_of(part))
         patch = _settled(part, column - x0, row - y0, inside, outside)
         if patch is None:
             return None
@@ -164,7 +172,7 @@ def _settled(part: Map, column: int, row: int, inside: float, outside: float) ->
             return None
         core = cv2.erode(mask, NEIGHBOURS, borderValue=0)
         inside = cv2.mean(part, core if core.any() else mask)[0]
-        outside = float(np.median(around))
+        outside = _median(around)
     if mask is None:
         return None
     return _Patch(box, mask[box[1] : box[3], box[0] : box[2]], inside, outside, False)
@@ -228,23 +236,19 @@ def _shape(patch: _Patch, factor: int, origin: tuple[int, int]) -> tuple[Ellipse
     m = cv2.moments(patch.mask, binaryImage=True)
     area = m['m00']
     u, v = m['m10'] / area, m['m01'] / area
-    moments = np.array([[m['mu20'], m['mu11']], [m['mu11'], m['mu02']]]) / area
-    moments += np.eye(2) / 12
+    uu, vv, uv = m['mu20'] / area + 1 / 12, m['mu02'] / area + 1 / 12, m['mu11'] / area
     height, width = patch.mask.shape
     x, y = np.arange(width) - u, np.arange(height) - v
-    inverse = np.linalg.inv(4 * moments)
-    ellipse = (
-        inverse[0, 0] * x * x
-        + (inverse[1, 1] * y * y)[:, None]
-        + 2 * inverse[0, 1] * y[:, None] * x
-    ) < 1
+    determinant = uu * vv - uv * uv
+    a, b, d = (each / (4 * determinant) for each in (vv, -uv, uu))
+    ellipse = (a * x * x + (d * y * y)[:, None] + (2 * b * y)[:, None] * x) < 1
     filled = patch.mask > 0
     # The ellipse reaches beyond the patch's box where the two differ; its area does not show that.
-    full = 4 * np.pi * float(np.sqrt(np.linalg.det(moments)))
-    both = float((ellipse & filled).sum())
-    fit = both / (max(full, float(ellipse.sum())) + area - both)
+    full = 4 * np.pi * math.sqrt(determinant)
+    both = np.count_nonzero(ellipse & filled)
+    fit = both / (max(full, float(np.count_nonzero(ellipse))) + area - both)
     centre = np.array([patch.box[0] + u + 0.5, patch.box[1] + v + 0.5]) * factor - 0.5 + origin
-    return Ellipse(centre, moments * factor**2), fit
+    return Ellipse(centre, np.array([[uu, uv], [uv, vv]]) * factor**2), fit
 
 
 def _judged(
@@ -272,18 +276,20 @@ def _judged(
         reason = f'axis ratio {minor / major:.2f} is below {options.min_axis_ratio:.2f}'
     elif fit < options.min_fit:
         reason = f'shape agrees with an ellipse by {fit:.2f}, less than {options.min_fit:.2f}'
-    score = contrast * fit**4 * float(np.sqrt(major * minor))
+    score = contrast * fit**4 * math.sqrt(major * minor)
     return Candidate(outline, contrast, patch.inside, fit, score, reason)
 
 
 def _same(one: Candidate, other: Candidate) -> bool:
-    distance = float(np.hypot(*(one.outline.centre - other.outline.centre)))
+    distance = math.dist(one.outline.centre.tolist(), other.outline.centre.tolist())
     return distance < 0.5 * min(one.outline.semi_axes[0], other.outline.semi_axes[0]) + 1
 
 
 def _without_mirror_images(candidates: list[Candidate]) -> list[Candidate]:
     """Refuse whatever has a like patch below it: its own mirror image lies above a target."""
     good = [each for each in candidates if not each.reason]
+    if len(good) < 2:
+        return candidates
     out = []
     for each in candidates:
         below = next((low for low in good if _is_mirror_image(each, low)), None)

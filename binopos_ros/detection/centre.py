@@ -21,6 +21,12 @@ from .window import Grid, Window
 RING = 6.0
 LEAST_CONTRAST = 3.0
 
+MOMENTS_ERROR, MOMENTS_SHARE = 0.15, 0.01
+"""Standard deviation of the estimate by moments, rounded: px, and as a share of the semi-axis."""
+
+SIGMAS = 3.0
+"""How far the fit may end from the estimate by moments, in standard deviations of both."""
+
 
 def measure(frame: Frame, seed: Ellipse) -> Measured:
     """Measure the outline near a seed that lies within a few pixels of it.
@@ -30,7 +36,14 @@ def measure(frame: Frame, seed: Ellipse) -> Measured:
     # Two seeds of the same target agree after this to much less than the steps they are rounded
     # to, so the fit starts from one and the same outline however the target was found.
     start = _rounded(_by_moments(frame, seed))
-    return EdgeFit(frame, start).measured()
+    fitted = EdgeFit(frame, start).measured()
+    du, dv = (fitted.outline.centre - start.centre).tolist()
+    shift = du * du + dv * dv
+    spread = (MOMENTS_ERROR + MOMENTS_SHARE * start.semi_axes[0]) ** 2
+    if shift <= SIGMAS**2 * (float(np.trace(fitted.covariance)) / 2 + spread):
+        return fitted
+    # One of the two is wrong, by no more than they differ; of a fit gone astray nothing holds.
+    return Measured(_by_moments(frame, start), np.eye(2) * (shift / 2 + spread))
 
 
 def _rounded(ellipse: Ellipse) -> Ellipse:
@@ -49,15 +62,16 @@ def _by_moments(frame: Frame, around: Ellipse) -> Ellipse:
     ring = window.within(BAND + RING) ^ outer
     background = cv2.mean(window.pixels, ring.view(np.uint8))[:3]
     colour = cv2.mean(window.pixels, inside.view(np.uint8))[:3]
-    axis = np.subtract(colour, background)
-    power = float(axis @ axis)
+    axis = [inner - outer for inner, outer in zip(colour, background, strict=True)]
+    power = math.hypot(*axis) ** 2
     if power < LEAST_CONTRAST**2:
         msg = 'the patch is of the same colour as its surroundings'
         raise DetectionError(msg)
-    row = np.append(axis, -axis @ background) / power
-    share = np.asarray(cv2.transform(window.pixels, row[None].astype(np.float32)), np.float32)
+    level = sum(each * outer for each, outer in zip(axis, background, strict=True))
+    row = np.array([[*axis, -level]], np.float32) / np.float32(power)
+    share = np.asarray(cv2.transform(window.pixels, row), np.float32)
     share[window.within(-BAND)] = 1
-    share = np.where(outer, share, np.float32(0))
+    share *= outer
     area, offset, spread = _moments(share, window.x, window.y)
     if not (area > 4 and spread[0, 0] > 0.1 and spread[1, 1] > 0.1):
         msg = 'no area is left within the outline'

@@ -42,21 +42,26 @@ LIKELY_SLOPE = 0.05
 SHARED_NOISE = 0.01
 """Part of equal noise in all channels that is mixed into the noise found along the edge."""
 
-KERNEL = np.array([1, 2, 2, 2, 1], np.float32) / 2
-"""How far, and with what weight, neighbouring residuals count as correlated, per coordinate."""
+BLOCK = 4
+"""Neighbouring residuals count as correlated by the share of pixels that two blocks of this side
+about them have in common. Products of sums over blocks are never negative, whatever the residuals;
+other weights can be, where residuals alternate, as those of subsampled chroma do."""
 
 RETURNED = 0.5
 """Share of the fit's mean leverage by which neighbours' residuals are too little correlated."""
 
 LEAST_FACTOR = 0.8
-JPEG_FACTOR = 1.65
+JPEG_FACTOR = 2.3
 """JPEG's rounding follows the picture, so the fit takes a part of it for outline: residuals show
-three fifths of its variance (rendered discs of 8 to 120 px, quality 70 to 95)."""
+less than half of its variance (rendered discs of 8 to 120 px, quality 70 to 95)."""
 
 # The model's terms, by their rows.
 U, V, STRETCH, BLUR, PROFILE = 0, 1, slice(2, 5), 5, slice(6, 8)
 INSIDE, INSIDE_SLOPE, OUTSIDE, OUTSIDE_SLOPE = 8, slice(9, 11), 11, slice(12, 14)
 TERMS = 14
+
+MOST_MOVE = (2.0, 2.0, 0.3, 0.3, 0.3, 0.4)
+"""How far a step may go: px, px, three stretches as shares of the axes, blur in px."""
 
 _PEAK = 1 / np.sqrt(2 * np.pi)
 FAR = np.float32(6)
@@ -141,7 +146,10 @@ class EdgeFit:
             np.multiply(share_of_side, y, out=design[first + 1])
         normal = (design @ design.T).astype(float)
         normal.flat[:: TERMS + 1] += self._noise * self._likely + 1e-9
-        self._inverse = np.linalg.inv(normal)
+        regular, self._inverse = cv2.invert(normal, flags=cv2.DECOMP_CHOLESKY)
+        if not regular:
+            msg = 'the pixels along the outline do not determine it'
+            raise DetectionError(msg)
         self._solution = self._inverse @ (design @ self._colours)
         self._rest = self._colours - design.T @ self._solution.astype(np.float32)
 
@@ -153,21 +161,31 @@ class EdgeFit:
             raise DetectionError(msg)
         influence = self._inverse[:2].astype(np.float32) @ self._design
         scores = np.sqrt((influence * influence).sum(0))[:, None] * self._rest
-        grid = np.zeros((*self._band.shape, 3), np.float32)
-        grid[self._rows, self._columns] = scores
-        noise = scores.T @ _summed(grid)[self._rows, self._columns]
-        noise = (noise + noise.T).astype(float) / 2
+        sums = self._block_sums(scores)
+        noise = (sums.T @ sums).astype(float)
         noise.flat[::4] += SHARED_NOISE * np.trace(noise) + 1e-12
         row = np.linalg.solve(noise, difference)
         axis: Array = row / (row @ difference)
         return axis
 
+    def _block_sums(self, values: np.ndarray) -> np.ndarray:
+        """Sums over all blocks, as a share of the side, of values (N, n) at the band's pixels."""
+        height, width = self._band.shape
+        grid = np.zeros((height + BLOCK, width + BLOCK, values.shape[1]), np.float32)
+        grid[self._rows + BLOCK // 2, self._columns + BLOCK // 2] = values
+        sums = cv2.boxFilter(
+            grid, -1, (BLOCK, BLOCK), normalize=False, borderType=cv2.BORDER_CONSTANT
+        )
+        return sums.reshape(-1, values.shape[1]) * np.float32(1 / BLOCK)
+
     def _move(self, solution: Array) -> None:
-        most = _MOST_MOVE
-        du, dv, su, sv, suv, blur = np.minimum(np.maximum(solution[:6], -most), most).tolist()
-        stretch = np.array([[1 + su, suv], [suv, 1 + sv]])
+        du, dv, su, sv, suv, blur = (
+            min(max(each, -most), most)
+            for each, most in zip(solution[:6].tolist(), MOST_MOVE, strict=True)
+        )
         self._centre = self._centre + np.array([du, dv])
-        self._moments = stretch @ self._moments @ stretch.T
+        stretch = np.array([[1 + su, suv], [suv, 1 + sv]])
+        self._moments = stretch @ self._moments @ stretch
         self._blur = min(max(self._blur + blur, LEAST_BLUR), MOST_BLUR)
 
     def measured(self) -> Measured:
@@ -186,10 +204,8 @@ class EdgeFit:
         how much, and it is given back.
         """
         edge = self._design[:2]
-        grid = np.zeros((*self._band.shape, 4), np.float32)
-        grid[self._rows, self._columns, :2] = edge.T
-        grid[self._rows, self._columns, 2:] = (edge * self._left).T
-        products = np.einsum('ijk,ijk->k', grid, _summed(grid)).astype(float)
+        sums = self._block_sums(np.concatenate([edge, edge * self._left]).T)
+        products = np.einsum('ij,ij->j', sums, sums).astype(float)
         weight = (edge * edge).sum(0)
         total = weight.sum()
         spread = (self._design * weight) @ self._design.T
@@ -211,7 +227,3 @@ def _inverse(matrix: Array) -> tuple[float, float, float]:
 
 
 _MOST_MOVE = np.array([2.0, 2.0, 0.3, 0.3, 0.3, 0.4])
-
-
-def _summed(grid: np.ndarray) -> np.ndarray:
-    return cv2.sepFilter2D(grid, -1, KERNEL, KERNEL, borderType=cv2.BORDER_CONSTANT)

@@ -36,7 +36,8 @@ class Window:
         self.x: Grid = np.arange(left, right, dtype=np.float32) - np.float32(u)
         self.y: Grid = np.arange(top, bottom, dtype=np.float32) - np.float32(v)
         self._semi_axes = around.semi_axes
-        self._cosine, self._sine = math.cos(around.angle), math.sin(around.angle)
+        angle = around.angle
+        self._cosine, self._sine = math.cos(angle), math.sin(angle)
 
     def within(self, margin: float, scale: float = 1.0) -> Mask:
         """The pixels within the outline, its semi-axes times `scale` plus `margin` px."""
