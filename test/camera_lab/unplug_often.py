@@ -26,17 +26,17 @@ from binopos_ros.capture.usb import find_cameras
 
 SETTLED = 10
 """Cycles after which nothing may grow any more."""
-PATIENCE = 60.0
+PATIENCE = 120.0
 MEMORY_SLACK = 4096
 """kB that the resident memory may vary by; 190 leaked mappings would be some 450 MB."""
 
 
-def wait_for(condition: Callable[[], bool]) -> float:
+def wait_for(what: str, condition: Callable[[], bool]) -> float:
     """Seconds until the condition holds."""
     began = time.monotonic()
     while not condition():
         if time.monotonic() - began > PATIENCE:
-            raise SystemExit('the camera stayed away')
+            raise SystemExit(f'{what} did not come within {PATIENCE:g} s')
         time.sleep(0.01)
     return time.monotonic() - began
 
@@ -51,12 +51,12 @@ def held(process: int) -> tuple[int, int, int]:
 
 
 def opened(process: int) -> int:
-    """How many cameras a process has open."""
-    count = 0
+    """How many cameras a process has open; a mapped buffer holds a descriptor of its own."""
+    cameras = set()
     for link in Path(f'/proc/{process}/fd').iterdir():
         with suppress(FileNotFoundError):  # closed while we look
-            count += os.readlink(link).startswith('/dev/video')
-    return count
+            cameras.add(os.readlink(link))
+    return sum(name.startswith('/dev/video') for name in cameras)
 
 
 def main(scene: Path, cycles: int) -> int:
@@ -77,16 +77,16 @@ def main(scene: Path, cycles: int) -> int:
         ],
         stderr=subprocess.DEVNULL,
     )
-    wait_for(lambda: all(camera.sent > 2 for camera in cameras))
+    wait_for('the first frames', lambda: all(camera.sent > 2 for camera in cameras))
     recoveries, levels = [], {}
     for cycle in range(1, cycles + 1):
         right.unplug()
-        wait_for(lambda: opened(node.pid) == 1)
+        wait_for('the closing', lambda: opened(node.pid) == 1)
         sent = right.sent
         right.plug(free_ports()[cycle % 3])
-        wait_for(lambda: any(one.serial == right.serial for one in find_cameras()))
-        recoveries.append(wait_for(lambda sent=sent: right.sent > sent))
-        if cycle == SETTLED or cycle % 50 == 0:
+        wait_for('the device', lambda: any(one.serial == right.serial for one in find_cameras()))
+        recoveries.append(wait_for('a frame', lambda sent=sent: right.sent > sent))
+        if cycle % SETTLED == 0:
             levels[cycle] = held(node.pid)
             print(
                 cycle,
