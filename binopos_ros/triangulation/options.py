@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from binopos_ros.detection.disc import DiscOptions
 from binopos_ros.optics import FlatInterface
 from binopos_ros.parameters import option
@@ -101,7 +104,12 @@ class IndexOptions:
         """Whether the index is followed live."""
         return self.prior == 'water' or self.std > 0
 
-    def estimator(self, interface: FlatInterface | None, index: float) -> IndexEstimator | None:
+    def estimator(
+        self,
+        interface: FlatInterface | None,
+        index: float,
+        covariance: NDArray[np.float64] | None,
+    ) -> IndexEstimator | None:
         """The live estimate of the index, or None where the given one is taken for exact.
 
         Raises:
@@ -132,6 +140,7 @@ class IndexOptions:
             std,
             drift=self.drift,
             known_plane=plane,
+            parameter_covariance=covariance,
             calibration_std=self.calibration_std,
         )
 
@@ -158,6 +167,11 @@ class TriangulatorOptions:
         'px',
         (0.0, 1000.0),
     )
+    calibration_covariance: str = option(
+        '',
+        'covariance.yaml of `binopos calibrate interface`: the covariance of the position then '
+        "holds the interface's own uncertainty; empty: the interface is taken for exact",
+    )
     interface: InterfaceOptions = field(default_factory=InterfaceOptions)
     left_port: InterfaceOptions = field(default_factory=InterfaceOptions)
     right_port: InterfaceOptions = field(default_factory=InterfaceOptions)
@@ -173,6 +187,9 @@ class TriangulatorOptions:
                 "or choose method 'straight'"
             )
             raise TriangulationError(msg)
+        if self.method != 'refractive' and self.calibration_covariance:
+            msg = f'method {self.method!r} cannot carry calibration_covariance: leave it empty'
+            raise TriangulationError(msg)
         if self.method != 'refractive' and self.index.is_estimated:
             msg = (
                 f'method {self.method!r} cannot follow the index: '
@@ -180,11 +197,16 @@ class TriangulatorOptions:
             )
             raise TriangulationError(msg)
 
-    def estimator(self) -> IndexEstimator | None:
-        """The live estimate of the index, or None where the given one is taken for exact."""
+    def estimator(self, covariance: NDArray[np.float64] | None) -> IndexEstimator | None:
+        """The live estimate of the index, or None where the given one is taken for exact.
+
+        `covariance` (K, K) is that of the surfaces' parameters, in the rig's own order.
+        """
         shared, left, _ = self.interfaces()
         nearest = shared or left
-        return self.index.estimator(shared, nearest.target_index) if nearest else None
+        if nearest is None:
+            return None
+        return self.index.estimator(shared, nearest.target_index, covariance)
 
     def interfaces(
         self,

@@ -9,10 +9,12 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.calibration.covariance import read_covariance
 from binopos_ros.detection.disc import to_disc_centres
 from binopos_ros.detection.errors import DetectionError
 from binopos_ros.optics import StereoRig
@@ -85,8 +87,7 @@ class Triangulator:
         self._early: deque[Pair[Centroid]] = deque()
         self._matcher = _matcher(options)
         self._options = options
-        self._interfaces = options.interfaces()
-        self._estimator = options.estimator()
+        self._configure(options)
         self.pairs = 0
 
     def configure(self, options: TriangulatorOptions) -> None:
@@ -95,12 +96,18 @@ class Triangulator:
         Raises:
             TriangulationError, OpticsError: the options do not make a rig.
         """
-        self._interfaces = options.interfaces()
-        self._estimator = options.estimator()
         if options.pair_tolerance != self._options.pair_tolerance:
             self._matcher = _matcher(options)
+        self._configure(options)
         self._options = options
         self._build_rig()
+
+    def _configure(self, options: TriangulatorOptions) -> None:
+        self._interfaces = options.interfaces()
+        path = options.calibration_covariance
+        self._calibration = read_covariance(Path(path)) if path else None
+        self._covariance: NDArray[np.float64] | None = None
+        self._estimator = options.estimator(None)
 
     @property
     def rig(self) -> StereoRig | None:
@@ -147,6 +154,9 @@ class Triangulator:
             self._infos['left'], self._infos['right']
         )
         self._rig = StereoRig(left, right, rotation, translation, interface, left_port, right_port)
+        if self._calibration is not None:
+            self._covariance = self._calibration.ordered(self._rig.parameter_names)
+            self._estimator = self._options.estimator(self._covariance)
 
     def _missing_calibration(self) -> str:
         missing = [side for side in SIDES if side not in self._infos]
@@ -167,7 +177,12 @@ class Triangulator:
             index = Index(state.mean, state.std, state.observed, state.frame_index)
             point, covariance, residuals = state.point, state.covariance, state.residuals
         else:
-            found = triangulate(rig, *views, method=self._options.method)
+            found = triangulate(
+                rig,
+                *views,
+                method=self._options.method,
+                parameter_covariance=self._covariance,
+            )
             if found.reasons:
                 return Drop(left.stamp, str(found.reasons))
             point, covariance, residuals = found.points, found.covariances, found.residuals

@@ -157,6 +157,21 @@ def test_the_index_is_followed_from_a_wrong_prior_and_widens_the_covariance():
     assert np.trace(with_index.covariance) > np.trace(without.covariance)
 
 
+def test_the_calibrations_covariance_widens_the_positions(tmp_path):
+    """5 mm of doubt in the water's distance, carried to depth by finite differences."""
+    path = tmp_path / 'covariance.yaml'
+    path.write_text('names: [interface.distance]\ncovariance: [[2.5e-5]]\n')
+    (exact,) = feed(calibrate(triangulator()), centroids(POINT))
+    (doubtful,) = feed(calibrate(triangulator(calibration_covariance=str(path))), centroids(POINT))
+    step = 1e-4
+    moved = {'interface.distance': 0.8 + step}
+    (shifted,) = feed(calibrate(triangulator(**moved)), centroids(POINT))
+    by_distance = (shifted.point - exact.point) / step
+    expected = exact.covariance + 2.5e-5 * np.outer(by_distance, by_distance)
+    np.testing.assert_allclose(doubtful.covariance, expected, rtol=2e-2)
+    np.testing.assert_array_equal(doubtful.point, exact.point)
+
+
 def test_a_change_of_the_interface_takes_effect_with_the_next_pair():
     stage = calibrate(triangulator())
     (before,) = feed(stage, centroids(POINT, 1))
