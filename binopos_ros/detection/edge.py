@@ -86,27 +86,28 @@ class EdgeFit:
     def __init__(self, frame: Frame, start: Ellipse) -> None:
         window = Window(frame, start, BAND)
         self._band = window.within(BAND) ^ window.within(-BAND)
-        self._rows, self._columns = np.nonzero(self._band)
-        if self._rows.size < LEAST_PIXELS:
+        band = np.flatnonzero(self._band)
+        if band.size < LEAST_PIXELS:
             msg = 'too few pixels along the outline'
             raise DetectionError(msg)
+        self._rows, self._columns = np.divmod(band, self._band.shape[1])
         self._u = window.x[self._columns]
         self._v = window.y[self._rows]
-        self._colours = window.pixels[self._rows, self._columns]
+        self._colours = np.ascontiguousarray(window.pixels.reshape(-1, 3).take(band, 0).T)
         self._jpeg = frame.is_jpeg
         self._origin, self._centre = start.centre, np.zeros(2)
         self._moments, self._blur = start.moments, START_BLUR
-        self._design = np.empty((TERMS, self._rows.size), np.float32)
+        self._design = np.empty((TERMS, band.size), np.float32)
         self._likely = self._weights_of_the_likely()
         self._noise = 1e-4
         self._solve()
         axis = self._axis()
-        self._noise = 2.5 * float(np.mean((self._rest @ axis) ** 2))
+        self._noise = 2.5 * float(np.mean((axis @ self._rest) ** 2))
         for _ in range(STEPS):
             self._move(self._solution @ axis)
             self._solve()
         self._move(self._solution @ axis)
-        self._left = self._rest @ axis.astype(np.float32)
+        self._left = axis.astype(np.float32) @ self._rest
 
     def _weights_of_the_likely(self) -> Array:
         weights = np.zeros(TERMS)
@@ -150,8 +151,8 @@ class EdgeFit:
         if not regular:
             msg = 'the pixels along the outline do not determine it'
             raise DetectionError(msg)
-        self._solution = self._inverse @ (design @ self._colours)
-        self._rest = self._colours - design.T @ self._solution.astype(np.float32)
+        self._solution = self._inverse @ (design @ self._colours.T)
+        self._rest = self._colours - self._solution.T.astype(np.float32) @ design
 
     def _axis(self) -> Array:
         """The projection of colours, 1 from surroundings to target, that errs least."""
@@ -160,23 +161,27 @@ class EdgeFit:
             msg = 'the patch is of the same colour as its surroundings'
             raise DetectionError(msg)
         influence = self._inverse[:2].astype(np.float32) @ self._design
-        scores = np.sqrt((influence * influence).sum(0))[:, None] * self._rest
-        sums = self._block_sums(scores)
-        noise = (sums.T @ sums).astype(float)
+        sums = self._block_sums(np.sqrt((influence * influence).sum(0)) * self._rest)
+        noise = (sums @ sums.T).astype(float)
         noise.flat[::4] += SHARED_NOISE * np.trace(noise) + 1e-12
         row = np.linalg.solve(noise, difference)
         axis: Array = row / (row @ difference)
         return axis
 
     def _block_sums(self, values: np.ndarray) -> np.ndarray:
-        """Sums over all blocks, as a share of the side, of values (N, n) at the band's pixels."""
-        height, width = self._band.shape
-        grid = np.zeros((height + BLOCK, width + BLOCK, values.shape[1]), np.float32)
-        grid[self._rows + BLOCK // 2, self._columns + BLOCK // 2] = values
+        """Sums over all blocks, as a share of the side, of values (n, N) at the band's pixels."""
+        height, width = (side + BLOCK for side in self._band.shape)
+        # The grids lie one below the other, with zeros between them, so that one call does all.
+        grids = np.zeros((len(values), height * width), np.float32)
+        grids[:, (self._rows + BLOCK // 2) * width + self._columns + BLOCK // 2] = values
         sums = cv2.boxFilter(
-            grid, -1, (BLOCK, BLOCK), normalize=False, borderType=cv2.BORDER_CONSTANT
+            grids.reshape(-1, width),
+            -1,
+            (BLOCK, BLOCK),
+            normalize=False,
+            borderType=cv2.BORDER_CONSTANT,
         )
-        return sums.reshape(-1, values.shape[1]) * np.float32(1 / BLOCK)
+        return sums.reshape(len(values), -1) * np.float32(1 / BLOCK)
 
     def _move(self, solution: Array) -> None:
         du, dv, su, sv, suv, blur = (
@@ -204,8 +209,8 @@ class EdgeFit:
         how much, and it is given back.
         """
         edge = self._design[:2]
-        sums = self._block_sums(np.concatenate([edge, edge * self._left]).T)
-        products = np.einsum('ij,ij->j', sums, sums).astype(float)
+        sums = self._block_sums(np.concatenate([edge, edge * self._left]))
+        products = np.einsum('ij,ij->i', sums, sums).astype(float)
         weight = (edge * edge).sum(0)
         total = weight.sum()
         spread = (self._design * weight) @ self._design.T

@@ -50,5 +50,5 @@ class Window:
         b = np.float32(2 * (along - across) * c * s)
         d = np.float32(along * s * s + across * c * c)
         x, y = self.x, self.y
-        inside: Mask = (a * x * x) + (b * y)[:, None] * x < (1 - d * y * y)[:, None]
+        inside: Mask = a * (x * x) + np.outer(b * y, x) < (1 - d * (y * y))[:, None]
         return inside
