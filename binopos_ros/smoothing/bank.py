@@ -1,4 +1,4 @@
-"""A bank of Kalman filters: hypotheses of the target's motion, each with slow or quick waves.
+"""A bank of Kalman filters: hypotheses of the target's motion, each in calm and in wavy water.
 
 Per axis the state is (p, v, a, s, u): position, velocity and acceleration of the target, and the
 waves' oscillator (see :mod:`binopos_ros.smoothing.wave`) of which u adds to what is measured. The
@@ -9,8 +9,10 @@ steady   v wanders slowly, a = 0
 turning  a is a Gauss-Markov process (Singer, "Estimating optimal tracking filter performance for
          manned maneuvering targets", IEEE TAES 6(4), 1970)
 
-Each comes with the waves' oscillator at either of two frequencies, whose bands overlap: slow waves
-that are taken for quick ones would be followed as motion.
+Each comes in calm water, where the measurement's own covariance explains it all, and with the
+waves' oscillator at either of two frequencies, whose bands overlap: slow waves that are taken for
+quick ones would be followed as motion. In calm water the oscillator is not part of what is
+measured and has its stationary spread, so that waves that set in may be anywhere in their swing.
 
 The hypotheses interact as in Blom & Bar-Shalom 1988 (see opponents/multiple_models.py), with one
 addition: a target that leaves a hypothesis without velocity or acceleration may have any that is
@@ -31,18 +33,27 @@ from binopos_ros.smoothing.motion import Seconds
 Array = NDArray[np.float64]
 
 MOTIONS = 3
-WAVES = 2
+#: Of the water: calm, slow waves, quick waves.
+WAVES = 3
 #: Hypotheses: each motion with each of the waves.
 MODELS = MOTIONS * WAVES
 STILL, STEADY, TURNING = (slice(number * WAVES, (number + 1) * WAVES) for number in range(MOTIONS))
 MOVING = slice(WAVES, MODELS)
+CALM = slice(0, MODELS, WAVES)
 SIZE = 5
 P, V, A, S, U = range(SIZE)
 _FLAT = 3 * SIZE * SIZE
 #: Added to every weight, so that no hypothesis is ever ruled out for good.
 _LEAST_WEIGHT = 1e-12
+#: Probability that the water is calm at first. Waves show in two or three positions, and cost next
+#: to nothing until then; a quick target in calm water that is taken for a wave costs centimetres.
+_CALM_AT_FIRST = 0.9
+# Whether the waves' displacement is part of what a hypothesis expects to measure.
+_SEEN = np.ones((MODELS, 1, 1))
+_SEEN[CALM] = 0.0
 # Sums over hypotheses and axes as products: far cheaper than sum() on arrays as small as these.
 _ALL = np.ones(MODELS)
+_SPINS = WAVES - 1
 _MINUS_HALF = np.full(3, -0.5)
 _ORDERS = np.arange(6)
 _EYE2 = np.eye(2)
@@ -80,6 +91,7 @@ class Motion:
     dwells: tuple[float, float, float]
     wave_frequencies: tuple[float, float]
     wave_dwell: float
+    calm_dwell: float
     wave_damping: float
 
 
@@ -115,28 +127,32 @@ class Bank:
         covariances[..., P, U] = covariances[..., U, P] = -wave
         covariances[..., MOVING, :, V, V] = self._motion.first_speed**2
         covariances[..., TURNING, :, A, A] = self._motion.turn_acceleration**2
-        return Hypotheses(states, covariances, np.full((*batch, MODELS), 1.0 / MODELS))
+        # Calm water: the position is where it was measured, and the waves are not part of it.
+        covariances[..., CALM, :, P, P] = variance[..., None, :]
+        covariances[..., CALM, :, P, U] = covariances[..., CALM, :, U, P] = 0.0
+        rough = 0.5 * (1.0 - _CALM_AT_FIRST)
+        weights = np.tile([_CALM_AT_FIRST, rough, rough], MOTIONS) / MOTIONS
+        return Hypotheses(states, covariances, np.broadcast_to(weights, (*batch, MODELS)))
 
     def advance(self, bank: Hypotheses, wave: Array, elapsed: Seconds) -> Hypotheses:
         """Return the bank `elapsed` seconds later, with waves of variance `wave` (..., 3), m^2."""
         time = np.asarray(elapsed)[..., None]
         exponentials = np.exp(time * self._exponents)
         real = exponentials.real
-        switch = real[..., WAVES + 1 :] @ self._switch_basis
+        switch = real[..., _SPINS + 1 :] @ self._switch_basis
         states, covariances, weights = self._interact(bank, switch)
         shape = (*weights.shape[:-1], MODELS, SIZE, SIZE)
         powers = time**_ORDERS
-        factors = [powers[..., :2], exponentials[..., :WAVES].imag, real[..., : WAVES + 1]]
-        psi = (np.concatenate(factors, axis=-1) @ self._transition_basis).reshape(shape)
+        factors = [powers[..., :2], exponentials[..., :_SPINS].imag, real[..., : _SPINS + 1]]
+        back = (np.concatenate(factors, axis=-1) @ self._transition_basis).reshape(shape)
         noise = (powers @ self._noise_basis).reshape(shape)
         # The axes of a hypothesis share its transition: one product for all three of them.
-        back = psi.swapaxes(-1, -2)
         rows = (*weights.shape[:-1], MODELS, 3 * SIZE, SIZE)
         half = (covariances.reshape(rows) @ back).reshape(covariances.shape).swapaxes(-1, -2)
         moved = (half.reshape(rows) @ back).reshape(covariances.shape) + noise[..., None, :, :]
         # The waves are stationary, so what drives them is what the transition lets go of.
-        spin = psi[..., S:, S:]
-        driving = _EYE2 - spin @ spin.swapaxes(-1, -2)
+        spin = back[..., S:, S:]
+        driving = _EYE2 - spin.swapaxes(-1, -2) @ spin
         moved[..., S:, S:] += wave[..., None, :, None, None] * driving[..., None, :, :]
         return Hypotheses(states @ back, moved, weights)
 
@@ -164,8 +180,9 @@ def innovations(bank: Hypotheses, position: Array, variance: Array) -> tuple[Arr
     `position` and `variance` (..., 3) are the measurement's along the axes.
     """
     states, covariances = bank.states, bank.covariances
+    # In calm water u is 0 in the mean, and has no part in p.
     innovation = position[..., None, :] - states[..., P] - states[..., U]
-    cross = covariances[..., P] + covariances[..., U]
+    cross = covariances[..., P] + _SEEN * covariances[..., U]
     return innovation, cross[..., P] + cross[..., U] + variance[..., None, :], cross
 
 
@@ -210,13 +227,13 @@ def _damped(motion: Motion) -> float:
 
 
 def _transition_basis(motion: Motion) -> Array:
-    """Return the basis (3 + 2 WAVES, M n n) of the transitions.
+    """Return the basis (3 + 2 x 2, M n n) of the transitions' transposes.
 
     For 1 and t, imaginary and then real parts of exp((-zeta + i damped) omega t), and
     exp(-t / turn_time).
     """
     tau = motion.turn_time
-    basis = np.zeros((3 + 2 * WAVES, MODELS, SIZE, SIZE))
+    basis = np.zeros((3 + 2 * _SPINS, MODELS, SIZE, SIZE))
     one, time, fading = basis[0], basis[1], basis[-1]
     one[:, P, P] = 1.0
     one[MOVING, V, V] = time[MOVING, P, V] = 1.0
@@ -227,12 +244,13 @@ def _transition_basis(motion: Motion) -> Array:
     # The oscillator of wave.py, taken apart into decayed cosine and sine.
     unit = 1.0 / _damped(motion)
     slant = motion.wave_damping * unit
-    for wave in range(WAVES):
-        sine, cosine = basis[2 + wave, wave::WAVES], basis[2 + WAVES + wave, wave::WAVES]
+    for wave in range(_SPINS):
+        models = slice(wave + 1, MODELS, WAVES)
+        sine, cosine = basis[2 + wave, models], basis[2 + _SPINS + wave, models]
         cosine[:, S, S] = cosine[:, U, U] = 1.0
         sine[:, S, S], sine[:, U, U] = slant, -slant
         sine[:, S, U], sine[:, U, S] = unit, -unit
-    return basis.reshape(len(basis), -1)
+    return basis.swapaxes(-1, -2).reshape(len(basis), -1)
 
 
 def _noise_basis(motion: Motion) -> Array:
@@ -255,10 +273,13 @@ def _noise_basis(motion: Motion) -> Array:
 def _switch_basis(motion: Motion) -> tuple[Array, Array]:
     """Return rates (M,) and basis (M, M M): switch probabilities are exp(rates t) @ basis.
 
-    The hypotheses follow a Markov chain in continuous time: each is left after its mean dwell, for
-    any of the others alike. Such a chain is reversible, so its eigenvalues are real.
+    The hypotheses follow a Markov chain in continuous time: each motion is left after its mean
+    dwell, for any of the others alike, and so are calm water and each of the waves. Such a chain
+    is reversible, so its eigenvalues are real.
     """
-    waves = (np.full((WAVES, WAVES), 1.0 / (WAVES - 1)) - _wide(WAVES)) / motion.wave_dwell
+    waves = np.array([[0.0, 0.5, 0.5], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]) / motion.calm_dwell
+    waves[1, 2] = waves[2, 1] = 1.0 / motion.wave_dwell
+    waves -= np.diag(waves.sum(axis=1))
     leaving = 1.0 / np.array(motion.dwells)[:, None]
     motions = leaving * (np.full((MOTIONS, MOTIONS), 1.0 / (MOTIONS - 1)) - _wide(MOTIONS))
     generator = np.kron(motions, np.eye(WAVES)) + np.kron(np.eye(MOTIONS), waves)

@@ -14,6 +14,7 @@ controls the Kalman filter. Changed is what makes it work for a target that move
   statistics (Dennis & Welsch, Commun. Stat. Simul. Comput. 7(4), 1978);
 * a run of positions with little certainty shakes the trust in the filter itself, and widens the
   certainty until it takes them;
+* calm water is a hypothesis of its own: the measurement's covariance then says it all;
 * the waves' motion is an oscillation in the state (:mod:`binopos_ros.smoothing.wave`), and the
   target's one of three kinds (:mod:`binopos_ros.smoothing.bank`), along and across the line of
   sight, where waves and pixels err very differently.
@@ -53,10 +54,14 @@ _DROPS_AT_START = 10.0
 _TURNED = math.tan(math.radians(0.5))
 #: Sums over the axes as products: far cheaper than sum() on arrays as small as these.
 _AXES = np.ones((3, 1))
+_ACROSS = np.array([[0.5], [0.5], [0.0]])
 #: Share of the newest certainty in the trust: wrong detections seldom come in a row.
 _FORGETTING = 0.3
-#: Wave variance (m^2) below which there are no waves.
-_CALM = 1e-10
+#: Trust in the filter at the start: it has yet to be earned, and a quick target must be taken.
+_FIRST_TRUST = 0.3
+#: Less than this share of the deviation at the start is no wave: that is the calm hypotheses'. So
+#: waves that set in after a calm find hypotheses that expect waves.
+_LEAST_WAVES = 0.15
 
 
 @tuned_options('cloud-kalman')
@@ -92,6 +97,7 @@ class CloudKalmanOptions(Options):
     slow_waves: float = option(2.0, 'mean frequency of slow waves', 'Hz', (0.1, 100.0))
     quick_waves: float = option(3.8, 'mean frequency of quick waves', 'Hz', (0.1, 100.0))
     wave_dwell: float = option(10.0, 'mean time that waves stay slow or quick', 's', (0.01, 1e4))
+    calm_dwell: float = option(20.0, 'mean time that water stays calm or rough', 's', (0.01, 1e4))
     wave_damping: float = option(0.25, "the waves' band, as a damping ratio", '', (0.01, 0.95))
     certainty_width: float = option(
         2.5, 'deviations at which the certainty is exp(-1/2)', '', (0.5, 100.0)
@@ -110,6 +116,7 @@ class CloudKalmanOptions(Options):
             dwells=(self.still_dwell, self.steady_dwell, self.turn_dwell),
             wave_frequencies=(self.slow_waves, self.quick_waves),
             wave_dwell=self.wave_dwell,
+            calm_dwell=self.calm_dwell,
             wave_damping=self.wave_damping,
         )
 
@@ -118,7 +125,7 @@ class _Memory(NamedTuple):
     """The bank; the cloud of innovations; the axes (..., 3, 3), rows, the last the line of sight.
 
     `wave` (..., 3) is the waves' variance along the axes, m^2; `trust` (..., 1) the mean
-    certainty of late.
+    certainty of late; `squares` (..., 3, 9) the products e e^T of the axes.
     """
 
     bank: Hypotheses
@@ -127,6 +134,7 @@ class _Memory(NamedTuple):
     axes: Array
     certainty: Array
     trust: Array
+    squares: Array
 
 
 class CloudKalmanFilter(Filter[_Memory]):
@@ -139,6 +147,7 @@ class CloudKalmanFilter(Filter[_Memory]):
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         self._bank = Bank(self.options.motion())
+        self._by_least_waves = _ACROSS / (_LEAST_WAVES * self.options.wave_std) ** 2
         self._doubled_width = -2.0 * self.options.certainty_width**2
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
@@ -146,12 +155,12 @@ class CloudKalmanFilter(Filter[_Memory]):
         axes = _follow(np.broadcast_to(np.eye(3), (*batch, 3, 3)), covariance)
         variance = np.diagonal(_along(axes, covariance), axis1=-2, axis2=-1)
         # Waves shift pixels, so their errors in space have the proportions of the pixels' errors.
-        across = 0.5 * (variance[..., :1] + variance[..., 1:2])
-        wave = self.options.wave_std**2 * variance / across
+        wave = self.options.wave_std**2 * variance / (variance @ _ACROSS)
         bank = self._bank.start((axes @ position[..., None])[..., 0], variance, wave)
         total = np.full((*batch, 1), _DROPS_AT_START)
         cloud = RecursiveCloud.at_rest(np.sqrt(wave), total, self.options.window)
-        return _Memory(bank, cloud, wave, axes, np.ones(batch), np.ones((*batch, 1)))
+        trust = np.full((*batch, 1), _FIRST_TRUST)
+        return _Memory(bank, cloud, wave, axes, np.ones(batch), trust, _squares(axes))
 
     def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         return _Memory(self._bank.advance(memory.bank, memory.wave, elapsed), *memory[1:])
@@ -170,9 +179,10 @@ class CloudKalmanFilter(Filter[_Memory]):
         bank = update(bank, innovation, expected, cross, certainty)
         drops = cloud.add(measured - mean_position(bank), certainty)
         entropy = drops.entropy
-        wave = np.maximum(entropy * entropy - variance, _CALM)
+        least = variance / (variance @ self._by_least_waves)
+        wave = np.maximum(entropy * entropy - variance, least)
         trust = memory.trust + _FORGETTING * (certainty - memory.trust)
-        return _Memory(bank, drops, wave, memory.axes, certainty[..., 0], trust)
+        return _Memory(bank, drops, wave, memory.axes, certainty[..., 0], trust, memory.squares)
 
     def _certainty(self, innovation: Array, expected: Array, widening: Array) -> Array:
         """Return the certainty (..., 1) of an innovation, under the hypothesis it fits best.
@@ -194,13 +204,12 @@ class CloudKalmanFilter(Filter[_Memory]):
         vectors = axes.swapaxes(-1, -2) @ mean
         # The sum over the axes e of (2, 2) blocks times e e^T, from (a, b, i, j) to (a i, b j).
         blocks = (self.options.covariance_scale * spread).reshape(*batch, 3, 4).swapaxes(-1, -2)
-        directions = (axes[..., :, None] * axes[..., None, :]).reshape(*batch, 3, 9)
-        covariance = (blocks @ directions).reshape(*batch, 2, 2, 3, 3).swapaxes(-3, -2)
+        covariance = (blocks @ memory.squares).reshape(*batch, 2, 2, 3, 3).swapaxes(-3, -2)
         return Estimate(
             vectors[..., 0],
             vectors[..., 1],
             covariance.reshape(*batch, 6, 6),
-            np.where(memory.certainty > _LEAST_CERTAINTY, memory.certainty, 0.0),
+            memory.certainty * (memory.certainty > _LEAST_CERTAINTY),
         )
 
 
@@ -220,6 +229,11 @@ def _controlled(bank: Hypotheses, lag: Array, doubt: Array) -> Hypotheses:
 def _along(axes: Array, covariance: Array) -> Array:
     """Return covariances (..., 3, 3) in the axes."""
     return axes @ covariance @ axes.swapaxes(-1, -2)
+
+
+def _squares(axes: Array) -> Array:
+    """Return e e^T (..., 3, 9) of the axes e, the rows of `axes` (..., 3, 3)."""
+    return (axes[..., :, None] * axes[..., None, :]).reshape(*axes.shape[:-1], 9)
 
 
 def _squared_length(vector: Array) -> Array:
@@ -242,7 +256,8 @@ def _turned(memory: _Memory, covariance: Array) -> tuple[_Memory, Array]:
     turn = (axes @ memory.axes.swapaxes(-1, -2))[..., None, :, :]
     states = memory.bank.states
     states = np.concatenate([turn @ states[..., :3], states[..., 3:]], axis=-1)
-    memory = memory._replace(bank=memory.bank._replace(states=states), axes=axes)
+    bank = memory.bank._replace(states=states)
+    memory = memory._replace(bank=bank, axes=axes, squares=_squares(axes))
     return memory, np.diagonal(_along(axes, covariance), axis1=-2, axis2=-1)
 
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from binopos_ros.smoothing.bank import (
+    CALM,
     MODELS,
     MOVING,
     SIZE,
@@ -34,11 +35,13 @@ MOTION = Motion(
     dwells=(1e12, 1e12, 1e12),
     wave_frequencies=(2.0, 3.0),
     wave_dwell=1e12,
+    calm_dwell=1e12,
     wave_damping=0.25,
 )
+WEIGHTS = np.array([0.05, 0.1, 0.1, 0.1, 0.2, 0.1, 0.1, 0.05, 0.2])
 WAVE = np.array([1e-6, 2e-6, 4e-5])
 OMEGAS = 2.0 * np.pi * np.array(MOTION.wave_frequencies)
-STEADY_QUICK, TURNING_SLOW = STEADY.start + 1, TURNING.start
+STEADY_QUICK, TURNING_SLOW = STEADY.start + 2, TURNING.start + 1
 
 
 def continuous(model):
@@ -109,26 +112,28 @@ def test_prediction_of_a_hypothesis_is_the_exact_discretisation(model, time):
 def test_still_target_forgets_velocity_and_acceleration():
     states = np.ones((MODELS, 3, SIZE))
     covariances = np.tile(np.eye(SIZE), (MODELS, 3, 1, 1))
-    start = Hypotheses(states, covariances, np.array([0.5, 0.5, 0.0, 0.0, 0.0, 0.0]))
+    start = Hypotheses(states, covariances, np.repeat([1.0, 0.0, 0.0], 3) / 3.0)
     ahead = Bank(MOTION).advance(start, WAVE, 0.1)
     assert np.all(ahead.states[STILL, :, 1:3] == 0.0)
     np.testing.assert_array_equal(ahead.states[STILL, :, 0], 1.0)
 
 
 def test_switching_is_a_markov_chain_in_continuous_time():
-    lively = dataclasses.replace(MOTION, dwells=(1.0, 2.0, 0.5), wave_dwell=3.0)
+    lively = dataclasses.replace(MOTION, dwells=(1.0, 2.0, 0.5), wave_dwell=3.0, calm_dwell=5.0)
     states = np.zeros((MODELS, 3, SIZE))
     covariances = np.tile(1e-12 * np.eye(SIZE), (MODELS, 3, 1, 1))
-    weights = np.array([0.3, 0.1, 0.2, 0.1, 0.1, 0.2])
+    weights = np.array([0.1, 0.3, 0.05, 0.1, 0.05, 0.1, 0.1, 0.1, 0.1])
     start, bank = Hypotheses(states, covariances, weights), Bank(lively)
-    rates = np.repeat(1.0 / np.array(lively.dwells), 2)
+    rates = np.repeat(1.0 / np.array(lively.dwells), 3)
+    # From calm, slow, quick to calm, slow, quick.
+    water = np.array([[0.0, 0.1, 0.1], [0.2, 0.0, 1.0 / 3.0], [0.2, 1.0 / 3.0, 0.0]])
     generator = np.zeros((MODELS, MODELS))
     for one in range(MODELS):
         for other in range(MODELS):
-            if one % 2 == other % 2 and one != other:
+            if one % 3 == other % 3 and one != other:
                 generator[one, other] = rates[one] / 2.0
-            elif one // 2 == other // 2 and one != other:
-                generator[one, other] = 1.0 / 3.0
+            elif one // 3 == other // 3:
+                generator[one, other] = water[one % 3, other % 3]
         generator[one, one] = -generator[one].sum()
     ahead = bank.advance(start, WAVE, 0.7)
     np.testing.assert_allclose(ahead.weights, weights @ expm(0.7 * generator), atol=1e-12)
@@ -136,10 +141,23 @@ def test_switching_is_a_markov_chain_in_continuous_time():
     np.testing.assert_allclose(twice.weights, ahead.weights, atol=1e-12)
 
 
+def test_calm_water_forgets_the_waves_and_holds_their_spread_ready():
+    random = np.random.default_rng(4)
+    roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
+    covariances = roots @ roots.swapaxes(-1, -2)
+    start = Hypotheses(random.normal(size=(MODELS, 3, SIZE)), covariances, WEIGHTS)
+    ahead = Bank(MOTION).advance(start, WAVE, 1.0 / 30.0)
+    np.testing.assert_array_equal(ahead.states[CALM, :, 3:], 0.0)
+    np.testing.assert_array_equal(ahead.covariances[CALM, :, :3, 3:], 0.0)
+    spread = WAVE[:, None, None] * np.eye(2)
+    expected = np.broadcast_to(spread, (3, 3, 2, 2))
+    np.testing.assert_allclose(ahead.covariances[CALM, :, 3:, 3:], expected, rtol=1e-12)
+
+
 def test_target_that_starts_may_have_any_usual_velocity():
     states = np.zeros((MODELS, 3, SIZE))
     covariances = np.tile(1e-12 * np.eye(SIZE), (MODELS, 3, 1, 1))
-    weights = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    weights = np.eye(MODELS)[STILL.start + 1]
     lively = dataclasses.replace(MOTION, dwells=(1.0, 1.0, 1.0))
     ahead = Bank(lively).advance(Hypotheses(states, covariances, weights), WAVE, 0.1)
     deviation = np.sqrt(ahead.covariances[MOVING, :, 1, 1])
@@ -151,12 +169,14 @@ def test_update_of_full_certainty_is_the_kalman_filters():
     states = random.normal(size=(MODELS, 3, SIZE))
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
-    bank = Hypotheses(states, covariances, np.array([0.1, 0.1, 0.2, 0.1, 0.3, 0.2]))
+    # In calm water the oscillator has no mean and no part in the rest.
+    states[CALM, :, 3:] = covariances[CALM, :, 3:, :3] = covariances[CALM, :, :3, 3:] = 0.0
+    bank = Hypotheses(states, covariances, WEIGHTS)
     position, variance = random.normal(size=3), np.array([0.1, 0.2, 0.3])
     after = update(bank, *innovations(bank, position, variance), np.ones(1))
-    row = np.array([[1.0, 0.0, 0.0, 0.0, 1.0]])
     likelihood = np.ones(MODELS)
     for model in range(MODELS):
+        row = np.array([[1.0, 0.0, 0.0, 0.0, 0.0 if model % 3 == 0 else 1.0]])
         for axis in range(3):
             before = covariances[model, axis]
             spread = row @ before @ row.T + variance[axis]
@@ -180,7 +200,7 @@ def test_moments_are_those_of_the_mixture():
     states = random.normal(size=(MODELS, 3, SIZE))
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
-    weights = np.array([0.1, 0.1, 0.2, 0.1, 0.3, 0.2])
+    weights = WEIGHTS
     mean, spread = moments(Hypotheses(states, covariances, weights))
     model = random.choice(MODELS, 200_000, p=weights)
     root = np.linalg.cholesky(covariances[:, 1])
