@@ -6,14 +6,14 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 DEMO_BAG ?= bags/demo
 
-.PHONY: demo test check bench soak clean
+.PHONY: demo test check bench lab soak clean
 
 demo: $(VENV)/ready
 	$(BIN)/binopos replay $(DEMO_BAG)
 
 test: check
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m 'not live' -n $(JOBS) --dist loadgroup $(PYTEST_ARGS)
-	$(BIN)/python -m pytest -m live $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m live --ignore test/camera_lab $(PYTEST_ARGS)
 
 # Format, lint and types.
 check: $(VENV)/ready
@@ -26,6 +26,10 @@ bench: $(VENV)/ready
 	$(BIN)/pip install --quiet -r requirements-bench.txt
 	for name in optics index detection smoothing bags rendering pipeline; do \
 		echo "== bench/$$name.py"; $(BIN)/python bench/$$name.py || exit 1; done
+
+# Real camera drivers in a virtual machine, with every fault; five minutes, and it installs QEMU.
+lab: $(VENV)/ready
+	$(BIN)/python -m pytest test/camera_lab $(PYTEST_ARGS)
 
 # 200 times unplugged and plugged in again, in a virtual machine; about an hour.
 soak: $(VENV)/ready
