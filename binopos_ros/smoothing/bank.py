@@ -47,10 +47,15 @@ _FLAT = 3 * SIZE * SIZE
 _LEAST_WEIGHT = 1e-12
 #: Probability that the water is calm at first. Waves show in two or three positions, and cost next
 #: to nothing until then; a quick target in calm water that is taken for a wave costs centimetres.
-_CALM_AT_FIRST = 0.9
+_CALM_AT_FIRST = 0.95
+#: Factor on the measurement's variance in calm water: ports, outlines and calibrations have small
+#: errors that pixel noise does not explain, and swell is less readily taken for a target's motion.
+_CALM_DOUBT = 3.0
 # Whether the waves' displacement is part of what a hypothesis expects to measure.
 _SEEN = np.ones((MODELS, 1, 1))
 _SEEN[CALM] = 0.0
+_DOUBT = np.ones((MODELS, 1))
+_DOUBT[CALM] = _CALM_DOUBT
 # Sums over hypotheses and axes as products: far cheaper than sum() on arrays as small as these.
 _ALL = np.ones(MODELS)
 _SPINS = WAVES - 1
@@ -128,7 +133,7 @@ class Bank:
         covariances[..., MOVING, :, V, V] = self._motion.first_speed**2
         covariances[..., TURNING, :, A, A] = self._motion.turn_acceleration**2
         # Calm water: the position is where it was measured, and the waves are not part of it.
-        covariances[..., CALM, :, P, P] = variance[..., None, :]
+        covariances[..., CALM, :, P, P] = _CALM_DOUBT * variance[..., None, :]
         covariances[..., CALM, :, P, U] = covariances[..., CALM, :, U, P] = 0.0
         rough = 0.5 * (1.0 - _CALM_AT_FIRST)
         weights = np.tile([_CALM_AT_FIRST, rough, rough], MOTIONS) / MOTIONS
@@ -183,7 +188,8 @@ def innovations(bank: Hypotheses, position: Array, variance: Array) -> tuple[Arr
     # In calm water u is 0 in the mean, and has no part in p.
     innovation = position[..., None, :] - states[..., P] - states[..., U]
     cross = covariances[..., P] + _SEEN * covariances[..., U]
-    return innovation, cross[..., P] + cross[..., U] + variance[..., None, :], cross
+    own = _DOUBT * variance[..., None, :]
+    return innovation, cross[..., P] + cross[..., U] + own, cross
 
 
 def update(

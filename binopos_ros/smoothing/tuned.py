@@ -10,7 +10,7 @@ TUNED: dict[str, dict[str, float]] = {
     },
     'cloud-kalman': {
         'certainty_width': 1.781,
-        'covariance_scale': 1.04,
+        'covariance_scale': 1.0,
         'first_speed': 0.2009,
         'quick_waves': 3.48,
         'slow_waves': 1.93,

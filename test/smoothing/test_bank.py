@@ -179,7 +179,8 @@ def test_update_of_full_certainty_is_the_kalman_filters():
         row = np.array([[1.0, 0.0, 0.0, 0.0, 0.0 if model % 3 == 0 else 1.0]])
         for axis in range(3):
             before = covariances[model, axis]
-            spread = row @ before @ row.T + variance[axis]
+            own = variance[axis] * (3.0 if model % 3 == 0 else 1.0)
+            spread = row @ before @ row.T + own
             gain = before @ row.T / spread
             miss = position[axis] - row @ states[model, axis]
             np.testing.assert_allclose(

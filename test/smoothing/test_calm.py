@@ -68,12 +68,13 @@ def test_calm_water_is_filtered_to_no_worse_than_it_came_in_from_the_first(motio
 
 
 @pytest.mark.parametrize('motion', MOTIONS)
-def test_covariance_in_calm_water_is_honest(motion):
+def test_covariance_in_calm_water_is_on_the_safe_side_by_the_stated_factor(motion):
+    # The measurement's variance counts threefold, so honest ones give about a third.
     means = [
         normalised(filtered(positions, covariance), truth).mean()
         for truth, positions, covariance in (noisy(motion, seed) for seed in range(100, 108))
     ]
-    assert 0.3 < np.mean(means) < 1.2
+    assert 0.15 < np.mean(means) < 1.0
 
 
 def waves_for_ten_seconds(seed):
