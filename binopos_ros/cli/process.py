@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import ctypes
+import gc
 import sys
 from collections import deque
 from collections.abc import Iterator
@@ -29,6 +30,7 @@ DECODERS = 2
 READ_AHEAD = 16
 #: Bytes of the encapsulation and of the stamp in a serialised header.
 AFTER_STAMP = 12
+GARBAGE_THRESHOLD = 50_000
 #: Parameters of mallopt(3).
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 
@@ -82,7 +84,13 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _keep_memory() -> None:
-    """Let the C library keep freed pictures: to give each back costs a page fault per 4 KiB."""
+    """Spend less on memory: keep freed pictures, and look for garbage less often.
+
+    To give a picture back to the system costs a page fault per 4 KiB when the next one comes. The
+    stages leave no cycles, and what the imports made stays to the end.
+    """
+    gc.freeze()
+    gc.set_threshold(GARBAGE_THRESHOLD)
     library = ctypes.CDLL(None)
     if hasattr(library, 'mallopt'):
         library.mallopt(M_MMAP_THRESHOLD, 1 << 30)
