@@ -32,7 +32,7 @@ READ_AHEAD = 16
 AFTER_STAMP = 12
 GARBAGE_THRESHOLD = 50_000
 #: Parameters of mallopt(3).
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
 
 
 class _Image(NamedTuple):
@@ -95,6 +95,8 @@ def _keep_memory() -> None:
     if hasattr(library, 'mallopt'):
         library.mallopt(M_MMAP_THRESHOLD, 1 << 30)
         library.mallopt(M_TRIM_THRESHOLD, 1 << 30)
+        # A heap per thread would grow with the length of the bag, as pictures wander between them.
+        library.mallopt(M_ARENA_MAX, 1)
 
 
 def _opened(path: Path) -> TextIO:
