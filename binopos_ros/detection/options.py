@@ -4,20 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from typing import Literal
+
+from binopos_ros.parameters import option
 
 from .errors import DetectionError
 
 METHODS = ('subpixel', 'paper')
-
-
-def _option(
-    default: Any, description: str, unit: str = '', span: tuple[float, float] | None = None
-) -> Any:
-    metadata: dict[str, Any] = {'description': description, 'unit': unit}
-    if span is not None:
-        metadata['range'] = span
-    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True)
@@ -32,54 +25,54 @@ class DetectorOptions:
             'choices': METHODS,
         },
     )
-    min_diameter: float = _option(
+    min_diameter: float = option(
         6.0, 'Smallest major axis of the outline of a target', 'px', (3.0, 4000.0)
     )
-    max_diameter: float = _option(
+    max_diameter: float = option(
         1000.0, 'Largest major axis of the outline of a target', 'px', (3.0, 4000.0)
     )
-    min_axis_ratio: float = _option(
+    min_axis_ratio: float = option(
         0.2,
         'Smallest ratio of minor to major axis: a disc tilted by t shows about cos(t)',
         '',
         (0.05, 1.0),
     )
-    min_fit: float = _option(
+    min_fit: float = option(
         0.8,
         'Smallest share in which the patch and the ellipse of its moments agree',
         '',
         (0.0, 1.0),
     )
-    min_redness: float = _option(
+    min_redness: float = option(
         -0.05,
         'Smallest redness (R - G) / (R + G + B) of a target; below 0 it may look orange or grey',
         '',
         (-1.0, 1.0),
     )
-    min_contrast: float = _option(
+    min_contrast: float = option(
         0.12,
         'Smallest difference of redness between a target and its surroundings',
         '',
         (0.0, 2.0),
     )
-    noise_factor: float = _option(
+    noise_factor: float = option(
         6.0,
         'Smallest such difference as a multiple of the noise of redness in the image',
         '',
         (0.0, 100.0),
     )
-    mirror_above: bool = _option(
+    mirror_above: bool = option(
         True,
         'Refuse the upper of two like patches, one above the other: seen from under water it is '
         "the target's mirror image in the surface",
     )
-    track: bool = _option(
+    track: bool = option(
         True, 'Search a window about the predicted place first; all of the image only when lost'
     )
-    paper_red: int = _option(
+    paper_red: int = option(
         168, 'method paper: a red pixel has R above this', 'grey levels', (0, 255)
     )
-    paper_green: int = _option(
+    paper_green: int = option(
         50, 'method paper: a red pixel has G below this', 'grey levels', (0, 255)
     )
 

@@ -1,7 +1,6 @@
 """Options of the filters: frozen dataclasses whose fields describe and check themselves.
 
-A field's metadata holds ``description``, ``unit``, ``range`` (lowest and highest allowed value)
-and ``choices`` (of a string), so that a ROS node can declare its parameters from it.
+Fields are those of ``binopos_ros.parameters.option``, from which a node declares its parameters.
 """
 
 from __future__ import annotations
@@ -11,22 +10,11 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
+from binopos_ros.parameters import option
 from binopos_ros.smoothing.errors import SmoothingError
 from binopos_ros.smoothing.tuned import TUNED
 
 OptionsT = TypeVar('OptionsT', bound='Options')
-
-
-def option(
-    default: Any,
-    description: str,
-    unit: str = '',
-    range: tuple[float, float] | None = None,
-    choices: tuple[str, ...] = (),
-) -> Any:
-    """Return a dataclass field of one option: its default, meaning, unit and allowed values."""
-    metadata = {'description': description, 'unit': unit, 'range': range, 'choices': choices}
-    return dataclasses.field(default=default, metadata=metadata)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
