@@ -42,7 +42,7 @@ setup(
     entry_points={
         'console_scripts': [
             f'binopos = {PACKAGE}.cli:main',
-            *(f'{node} = {PACKAGE}.nodes.{node}:main' for node in NODES),
+            *(f'{node} = {PACKAGE}.nodes.executables:{node}' for node in NODES),
         ],
     },
     zip_safe=False,

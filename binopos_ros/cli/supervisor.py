@@ -20,8 +20,8 @@ FIRST_PAUSE = 0.5
 LONGEST_PAUSE = 30.0
 #: A node that stayed up for this long has recovered: its next pause is the first one again.
 RECOVERED = 20.0
-#: Seconds that a node has to end after SIGINT, and again after SIGTERM.
-PATIENCE = 2.0
+#: Seconds that a node has to end after SIGTERM.
+PATIENCE = 4.0
 USAGE_ERROR = 2
 
 
@@ -101,8 +101,11 @@ class Supervisor:
         return ''
 
     def stop(self) -> None:
-        """End every node: SIGINT, then SIGTERM, then SIGKILL for those that do not listen."""
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+        """End every node: SIGTERM, then SIGKILL for those that do not listen.
+
+        Not SIGINT: a Python that is still starting up answers it with a traceback.
+        """
+        for number in (signal.SIGTERM, signal.SIGKILL):
             running = [child for child in self.children if child.process is not None]
             for child in running:
                 if child.process is not None and child.process.poll() is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 from rclpy.publisher import Publisher
@@ -34,7 +34,7 @@ from binopos_ros.detection.images import decode_jpeg
 from binopos_ros.nodes.camera_controls import ControlParameters
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.messages import header
-from binopos_ros.nodes.shell import RCLError, StageNode, run
+from binopos_ros.nodes.shell import RCLError, StageNode
 from binopos_ros.optics.camera_info import CameraInfo as Calibration
 
 WATCH_PERIOD = 0.2
@@ -323,8 +323,3 @@ def _info_message(calibration: Calibration) -> CameraInfo:
             do_rectify=roi.do_rectify,
         ),
     )
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop; the exit status."""
-    return run([CameraNode], arguments)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import partial
 
 import cv2
@@ -24,7 +23,7 @@ from binopos_ros.detection.overlay import draw
 from binopos_ros.detection.stage import CameraStage, try_decode
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
-from binopos_ros.nodes.shell import StageNode, run
+from binopos_ros.nodes.shell import StageNode
 
 SIDES = ('left', 'right')
 OVERLAY_QUALITY = 80
@@ -119,8 +118,3 @@ class DetectorNode(StageNode):
             if refused:
                 details[f'{side}: best candidate refused'] = refused[0]
         return details
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop; the exit status."""
-    return run([DetectorNode], arguments)

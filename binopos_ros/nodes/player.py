@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -11,7 +11,7 @@ from binopos_ros.bag import BagError, BagReader
 from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.playing import Player
-from binopos_ros.nodes.shell import StageNode, run
+from binopos_ros.nodes.shell import StageNode
 
 
 class PlayerNode(StageNode):
@@ -112,8 +112,3 @@ def _answering(
         return response
 
     return callback
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until the bag ends or it is told to stop; the exit status."""
-    return run([PlayerNode], arguments)

@@ -153,11 +153,6 @@ def _definition(type_name: str, offers: Sequence[TopicEndpointInfo]) -> Definiti
     return installed_definition(type_name, type_hash)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop; the exit status."""
-    return record(arguments)
-
-
 def record(arguments: Sequence[str] | None = None, **options: Any) -> int:
     """Run a recorder, made with these options; the exit status, 1 where recording broke off."""
     nodes: list[RecorderNode] = []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -15,7 +14,7 @@ from binopos_ros.bag.messages import covariance_of, pose_covariance, position_of
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.markers import target_markers
-from binopos_ros.nodes.shell import StageNode, run
+from binopos_ros.nodes.shell import StageNode
 from binopos_ros.smoothing.stage import Pose, Smoother, SmootherOptions, filter_options_type
 
 
@@ -98,8 +97,3 @@ class SmootherNode(StageNode):
 
     def _details(self) -> dict[str, object]:
         return {'Filter': self._options.method, 'Certainty': f'{self._certainty:.3f}'}
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop; the exit status."""
-    return run([SmootherNode], arguments)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
-import sys
 
 #: Environment variable that a supervisor sets for its children.
 SUPERVISED = 'BINOPOS_SUPERVISED'
@@ -18,6 +17,7 @@ PR_SET_PDEATHSIG = 1
 def prepare() -> None:
     """Leave quietly on a signal while ROS is not up yet; die with a supervisor that is killed."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: sys.exit(0))
+        # Not SystemExit: raised inside an import, it comes out as an ImportError with a traceback.
+        signal.signal(number, lambda *_: os._exit(0))
     if os.environ.get(SUPERVISED):
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

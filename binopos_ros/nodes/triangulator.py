@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,7 @@ from sensor_msgs.msg import CameraInfo
 from binopos_ros.bag.messages import covariance_of, position_of, read_camera_info_message, stamp_of
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
-from binopos_ros.nodes.shell import StageNode, run
+from binopos_ros.nodes.shell import StageNode
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.pairing import SIDES
 from binopos_ros.triangulation.stage import Centroid, Drop, Index, Position, Triangulator
@@ -99,8 +99,3 @@ class TriangulatorNode(StageNode):
                 else 'not determined'
             )
         return details
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node until it is told to stop; the exit status."""
-    return run([TriangulatorNode], arguments)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -29,6 +30,17 @@ def test_a_node_reports_that_it_waits_and_ends_within_a_second(start, peer, name
     assert status.message == 'no input'
     assert {'Published', 'Dropped', 'Actual frequency (Hz)'} <= {v.key for v in status.values}
     assert node.end(number) == (0, '')
+
+
+@pytest.mark.parametrize('start_up', [0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.9])
+def test_a_node_that_is_told_to_end_while_it_starts_says_nothing(start, start_up):
+    """The moment falls before, in and after the slow imports, wherever the machine is by then."""
+    node = start('smoother')
+    time.sleep(start_up)
+    node.process.send_signal(signal.SIGTERM)
+    status, errors = node.wait()
+    assert errors == ''
+    assert status in (0, -signal.SIGTERM)
 
 
 @pytest.mark.parametrize(
