@@ -24,6 +24,7 @@ HUBER = 2.5  # standard deviations of the 2-D residual; 4 % of clean points lie 
 REJECT = 4.5  # one clean point in 25000 lies beyond
 STEPS = 60
 CONVERGED = 1e-9  # relative decrease of the cost
+NEARLY = 1e-5  # the same, while the weights still change
 HELD = 1e15  # rad^-2, information that holds an orientation
 LEAST_SIGMA = 1e-4  # px; below it the data are synthetic and exact
 
@@ -52,11 +53,6 @@ class Prior:
 
     state: RigState
     information: np.ndarray
-
-    def cost(self, state: RigState) -> float:
-        """Twice the negative logarithm of the prior's density."""
-        change = state.minus(self.state)
-        return float(change @ self.information @ change)
 
 
 @dataclass(frozen=True)
@@ -115,6 +111,7 @@ def adjust(
     prior: Prior | None = None,
     robust: bool = True,
     sigma: float | None = None,
+    converged: float = CONVERGED,
 ) -> Adjustment:
     """Estimate the free parameters of the rig and all poses.
 
@@ -126,6 +123,7 @@ def adjust(
         prior: information on the parameters (absolute, in their own units).
         robust: reject outlying points.
         sigma: standard deviation of a pixel coordinate (px) where known; else estimated.
+        converged: relative decrease of the cost that ends the descent; `NEARLY` for a start.
 
     Raises:
         CalibrationError: nothing to fit, or the points do not determine the parameters.
@@ -138,7 +136,9 @@ def adjust(
     weights = np.ones(batch.count)
     rounds = 4 if robust else 1
     for _ in range(rounds):
-        state, current, residual = _descend(batch, state, current, free, prior, weights, scale)
+        state, current, residual = _descend(
+            batch, state, current, free, prior, weights, scale, NEARLY if robust else converged
+        )
         if sigma is None:
             scale = max(_robust_sigma(residual), LEAST_SIGMA)
         if not robust:
@@ -149,10 +149,12 @@ def adjust(
             break
     inlier = np.ones(batch.count, bool)
     if robust:
-        for _ in range(2):
-            inlier = np.sum(residual**2, axis=1) <= (REJECT * scale) ** 2
+        for attempt in range(2):
+            earlier, inlier = inlier, np.sum(residual**2, axis=1) <= (REJECT * scale) ** 2
+            if attempt and (inlier == earlier).all():
+                break
             state, current, residual = _descend(
-                batch, state, current, free, prior, inlier.astype(float), scale
+                batch, state, current, free, prior, inlier.astype(float), scale, converged
             )
     if sigma is None:
         surplus = int(batch.coordinates[inlier].sum()) - int(free.sum()) - 6 * len(current)
@@ -160,7 +162,7 @@ def adjust(
         if prior is not None and prior.information.any():
             # The prior's weight against the pictures' depends on the scale.
             state, current, residual = _descend(
-                batch, state, current, free, prior, inlier.astype(float), scale
+                batch, state, current, free, prior, inlier.astype(float), scale, converged
             )
     normal = batch.normal(state, current, free, inlier.astype(float), scale, prior)
     covariance = np.zeros((len(free), len(free)))
@@ -262,8 +264,9 @@ class _Batch:
         if prior is not None:
             change = state.minus(prior.state)
             normal.rig += prior.information[np.ix_(free, free)]
-            normal.rig_right -= (prior.information @ change)[free]
-            normal.cost += prior.cost(state)
+            pull = prior.information @ change
+            normal.rig_right -= pull[free]
+            normal.cost += float(change @ pull)
         normal.residuals = np.concatenate(residuals)
         if not np.isfinite(normal.cost):
             normal.cost = np.inf
@@ -294,6 +297,7 @@ def _descend(
     prior: Prior | None,
     weights: np.ndarray,
     sigma: float,
+    converged: float,
 ) -> tuple[RigState, list[Pose], np.ndarray]:
     damping = 1e-4
     current = list(poses)
@@ -326,7 +330,7 @@ def _descend(
         if ahead.cost < normal.cost:
             decrease = (normal.cost - ahead.cost) / max(normal.cost, 1e-300)
             state, current, normal = trial, trial_poses, ahead
-            if decrease < CONVERGED or normal.cost < 1e-12 * batch.count:
+            if decrease < converged or normal.cost < 1e-12 * batch.count:
                 break
             damping = max(damping * 0.1, 1e-12)
         else:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import Adjustment, Prior, View, adjust
+from binopos_ros.calibration.adjust import NEARLY, Adjustment, Prior, View, adjust
 from binopos_ros.calibration.covariance import ParameterCovariance
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.start import other_pose, straight_poses, sunk
@@ -290,7 +290,9 @@ def _best_start(
         poses = [sunk(pose, view, start) for pose, view in zip(straight, views, strict=True)]
         free, prior = _unknowns(start, guesses, air_covariance, free_cameras)
         try:
-            fit = adjust(start, poses, views, free, prior, robust=False, sigma=1.0)
+            fit = adjust(
+                start, poses, views, free, prior, robust=False, sigma=1.0, converged=NEARLY
+            )
         except ValueError as error:
             trouble = str(error)
             continue

@@ -23,7 +23,6 @@ from binopos_ros.calibration.state import (
     cross_matrices,
     places_seen_through,
 )
-from binopos_ros.optics.interface import tangents
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ def _through_interface(state: RigState, side: int, local: np.ndarray) -> _Seen:
     translation = state.translation if in_rig_frame else np.zeros(3)
     normal = rotation @ interface.normal
     distance = interface.distance + float(normal @ translation)
-    basis = rotation @ tangents(interface.normal).T
+    basis = rotation @ state.bases[place].T
     seen = apparent_points(local, normal, distance, interface.indices, interface.thicknesses)
     by_distance = seen.by_distance[:, :, None]
     by_normal = seen.by_normal + by_distance * translation

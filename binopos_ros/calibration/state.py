@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -88,7 +89,7 @@ class RigState:
             left.pinhole(), right.pinhole(), self.rotation, self.translation, **self.interfaces
         )
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The names of all parameters, in the order of `plus` and `minus`."""
         names: list[str] = []
@@ -114,6 +115,11 @@ class RigState:
             *(f'{place}.thicknesses.{i}' for i in layers),
             *(f'{place}.indices.{i + 1}' for i in layers),
         ]
+
+    @cached_property
+    def bases(self) -> dict[str, np.ndarray]:
+        """By place, the two directions (2, 3) along which its normal changes."""
+        return {place: tangents(interface.normal) for place, interface in self.interfaces.items()}
 
     @property
     def target_index(self) -> float:
@@ -145,7 +151,7 @@ class RigState:
         interfaces = {}
         for place, old in self.interfaces.items():
             layers = len(old.thicknesses)
-            normal = old.tilted(*take(2))
+            normal = old.normal + take(2) @ self.bases[place]
             distance = old.distance + float(take(1)[0])
             thicknesses = np.array(old.thicknesses) + take(layers)
             inner = np.array(old.indices[1:-1]) + take(layers)
@@ -166,7 +172,7 @@ class RigState:
         for place, interface in self.interfaces.items():
             before = other.interfaces[place]
             along = max(float(interface.normal @ before.normal), 1e-6)
-            parts += [tangents(before.normal) @ interface.normal / along]
+            parts += [other.bases[place] @ interface.normal / along]
             parts += [np.array([interface.distance - before.distance])]
             parts += [np.array(interface.thicknesses) - np.array(before.thicknesses)]
             parts += [np.array(interface.indices[1:-1]) - np.array(before.indices[1:-1])]
