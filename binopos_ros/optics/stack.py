@@ -27,7 +27,7 @@ from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic, Component
 
 MAX_ITERATIONS = 6
 SETTLED = 1e-6  # relative step after which the cubic remainder is below rounding
-TINY = 1e-300
+TINY = 1e-150  # so small that no ray notices, so large that dividing by it stays finite
 
 
 class Bend(NamedTuple):
@@ -58,7 +58,7 @@ class ParallelStack:
             total[index] += thickness
         self._thin = total.pop(self._lowest)
         self._others = tuple(
-            (index, thickness, index * index, index * index - self._lowest * self._lowest)
+            (index, thickness, index * index, self._excess(index))
             for index, thickness in total.items()
         )
 
@@ -74,7 +74,7 @@ class ParallelStack:
 
         """
         q = self._solve(rho, height, arithmetic)
-        excess = self._first * self._first - self._lowest * self._lowest
+        excess = self._excess(self._first)
         if excess == 0.0:
             return q
         first = self._first * self._first + excess * rho * q * q
@@ -101,7 +101,7 @@ class ParallelStack:
             thin = thin + height
         cube = thin / (first * first * first)
         moment = lowest2 * cube  # sum_i t_i n_i^2 / c_i^3
-        contrast = (lowest2 - first2) * cube  # sum_i t_i (n_i^2 - n_0^2) / c_i^3
+        contrast = -self._excess(self._first) * cube  # sum_i t_i (n_i^2 - n_0^2) / c_i^3
         for index, known, square, excess in self._others:
             thickness = known + height if index == self._last else known
             c = sqrt((square + excess * w2) * cosine2)
@@ -121,6 +121,10 @@ class ParallelStack:
             -gain * invariant / (last * moment),
             gain * invariant * self._last * last_cube / moment,
         )
+
+    def _excess(self, index: float) -> float:
+        """Return index^2 - lowest^2, with no digits lost where the two are almost alike."""
+        return (index - self._lowest) * (index + self._lowest)
 
     def _solve(self, rho: Component, height: Component, arithmetic: Arithmetic) -> Component:
         sqrt, maximum, _, any_, _ = arithmetic

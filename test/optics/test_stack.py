@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from binopos_ros.optics import stack as stack_module
@@ -59,6 +59,8 @@ def test_six_steps_are_enough_up_to_89_degrees(
 
 
 @settings(deadline=None)
+@example(indices=[1.0, 1.0, 1.0, 1.0000000000000002], scales=[0.0, 0.0, 0.0, 2.0, 0.0, 0.0])
+@example(indices=[1.0474088907105064, 1.046875], scales=[0.0] * 6)
 @given(
     indices=st.lists(st.floats(1.0, 2.5), min_size=2, max_size=6),
     scales=st.lists(st.floats(-5.0, 2.0), min_size=6, max_size=6),
