@@ -1,8 +1,10 @@
 """Left and right, brought together by their stamps.
 
 A left and a right item make a pair when their stamps differ by at most the tolerance. Where no
-tolerance is given it is half of the frame period, measured as the running median of the intervals
-between stamps of one side.
+tolerance is given it is half of the frame period. That is measured from the intervals between
+stamps of one side: frames that were lost make them multiples of the period, so it is the median of
+those that are single. A median of all would be twice the period where every other frame is lost,
+and pair each left image with the right one before it.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ import bisect
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from statistics import median
 from typing import Generic, TypeVar
 
 Item = TypeVar('Item')
@@ -23,7 +24,10 @@ FIRST_TOLERANCE = 5_000_000
 RESTART = 1_000_000_000
 #: Items of one side that wait for a partner, and intervals that the period is taken from.
 WAITING = 64
-INTERVALS = 15
+INTERVALS = 240
+#: Of those sorted, the share at which a single period is looked for, and the largest multiple of
+#: what is found there that is one too.
+SINGLE, LONGEST_SINGLE = 0.1, 1.5
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,29 @@ class Unpaired(Generic[Item]):
     reason: str
 
 
+class Intervals:
+    """The newest intervals between frames, and the frame period that they tell."""
+
+    def __init__(self) -> None:
+        self._newest: deque[int] = deque()
+        self._sorted: list[int] = []
+
+    def add(self, interval: int) -> None:
+        """Take an interval in, nanoseconds."""
+        if len(self._newest) == INTERVALS:
+            self._sorted.pop(bisect.bisect_left(self._sorted, self._newest.popleft()))
+        self._newest.append(interval)
+        bisect.insort(self._sorted, interval)
+
+    def period(self) -> int | None:
+        """The median of the intervals that are a single period; None where there is none yet."""
+        if not self._sorted:
+            return None
+        first = int(SINGLE * len(self._sorted))
+        last = bisect.bisect_right(self._sorted, LONGEST_SINGLE * self._sorted[first])
+        return self._sorted[(first + last) // 2]
+
+
 class PairMatcher(Generic[Item]):
     """Matches two streams of stamped items, each of which may come late or not at all.
 
@@ -60,14 +87,15 @@ class PairMatcher(Generic[Item]):
         """Forget all that waits."""
         self._waiting: dict[str, list[tuple[int, Item]]] = {side: [] for side in SIDES}
         self._newest: dict[str, int | None] = dict.fromkeys(SIDES)
-        self._intervals: deque[int] = deque(maxlen=INTERVALS)
+        self._intervals = Intervals()
 
     @property
     def tolerance(self) -> int:
         """Largest difference between the stamps of a pair now, in nanoseconds."""
         if self._given_tolerance is not None:
             return self._given_tolerance
-        return int(median(self._intervals) // 2) if self._intervals else FIRST_TOLERANCE
+        period = self._intervals.period()
+        return FIRST_TOLERANCE if period is None else period // 2
 
     def add(self, side: str, stamp: int, item: Item) -> Iterator[Pair[Item] | Unpaired[Item]]:
         """Take one item in; yield what this decides, in the order of the stamps.
@@ -82,7 +110,7 @@ class PairMatcher(Generic[Item]):
             yield from self._abandon('the stamps jumped back')
             self.reset()
         elif newest is not None and stamp > newest:
-            self._intervals.append(stamp - newest)
+            self._intervals.add(stamp - newest)
         waiting = self._waiting[side]
         position = bisect.bisect_left(waiting, stamp, key=lambda entry: entry[0])
         if (position < len(waiting) and waiting[position][0] == stamp) or stamp == newest:

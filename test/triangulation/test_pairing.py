@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -72,6 +74,41 @@ def test_the_tolerance_is_half_of_the_measured_frame_period():
     for side, stamp in run_of_left:
         list(matcher.add(side, stamp, None))
     assert matcher.tolerance == PERIOD // 2
+
+
+@pytest.mark.parametrize('lost', ['every other, in turn', 'half of them, at random'])
+def test_lost_frames_do_not_pair_images_of_different_instants(lost):
+    """A camera that loses every other frame seems to run at half the rate."""
+    random = np.random.default_rng(5)
+    arrivals = []
+    for k in range(400):
+        for parity, side in enumerate(('left', 'right')):
+            faulty = 40 <= k < 120
+            in_turn = k % 2 == parity
+            if not faulty or (in_turn if lost.startswith('every') else random.uniform() < 0.5):
+                arrivals.append((side, 10**18 + k * PERIOD + int(random.normal(0, PERIOD / 50))))
+    pairs = pairs_of(run(PairMatcher(), arrivals))
+    assert all(abs(left - right) < PERIOD / 2 for left, right in pairs)
+    assert len([pair for pair in pairs if pair[0] > 10**18 + 119.5 * PERIOD]) == 280
+
+
+def test_the_tolerance_follows_a_frame_rate_that_was_changed():
+    matcher = PairMatcher()
+    stamp = 0
+    for period in (PERIOD, 3 * PERIOD):
+        for _ in range(300):
+            stamp += period
+            list(matcher.add('left', stamp, None))
+        assert matcher.tolerance == period // 2
+
+
+def test_a_wild_stamp_costs_a_few_pairs_and_no_more():
+    for jump in (0.3, 0.9, 5.0, 1e5, -0.5, -5.0):
+        arrivals = [(side, 10**18 + k * PERIOD) for k in range(200) for side in ('left', 'right')]
+        arrivals[101] = ('right', arrivals[101][1] + int(jump * 1e9))
+        pairs = pairs_of(run(PairMatcher(), arrivals))
+        assert len(pairs) >= 200 - 2 - min(abs(jump), 1.0) * 1e9 / PERIOD
+        assert all(abs(left - right) < PERIOD / 2 for left, right in pairs)
 
 
 def test_a_repeated_stamp_is_reported_and_the_pair_is_kept():
