@@ -170,7 +170,8 @@ class TriangulatorOptions:
     calibration_covariance: str = option(
         '',
         'covariance.yaml of `binopos calibrate interface`: the covariance of the position then '
-        "holds the interface's own uncertainty; empty: the interface is taken for exact",
+        "holds the calibration's own uncertainty, cameras and interface together; empty: the "
+        'calibration is taken for exact',
     )
     interface: InterfaceOptions = field(default_factory=InterfaceOptions)
     left_port: InterfaceOptions = field(default_factory=InterfaceOptions)
@@ -200,7 +201,7 @@ class TriangulatorOptions:
     def estimator(self, covariance: NDArray[np.float64] | None) -> IndexEstimator | None:
         """The live estimate of the index, or None where the given one is taken for exact.
 
-        `covariance` (K, K) is that of the surfaces' parameters, in the rig's own order.
+        `covariance` (K, K) is that of the rig's parameters, in its own order.
         """
         shared, left, _ = self.interfaces()
         nearest = shared or left

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.calibration.covariance import read_covariance
+from binopos_ros.calibration.uncertain import UncertainRig
 from binopos_ros.detection.disc import to_disc_centres
 from binopos_ros.detection.errors import DetectionError
 from binopos_ros.optics import StereoRig
@@ -153,7 +154,8 @@ class Triangulator:
         left, right, rotation, translation = stereo_from_camera_infos(
             self._infos['left'], self._infos['right']
         )
-        self._rig = StereoRig(left, right, rotation, translation, interface, left_port, right_port)
+        kind = StereoRig if self._calibration is None else UncertainRig
+        self._rig = kind(left, right, rotation, translation, interface, left_port, right_port)
         if self._calibration is not None:
             self._covariance = self._calibration.ordered(self._rig.parameter_names)
             self._estimator = self._options.estimator(self._covariance)
