@@ -98,7 +98,7 @@ def test_it_shows_the_pose_as_it_goes_one_line_per_second(bag, ros_domain):
 
 
 def test_all_nodes_in_one_process_give_the_same_report(bag, ros_domain):
-    done = binopos('replay', bag, '--single-process')
+    done = binopos('replay', bag, '--single-process', '--rate', '0.5')
     assert done.returncode == 0, done.stderr
     assert figure(done.stdout, 'poses') == str(PAIRS)
 
@@ -112,7 +112,7 @@ def test_a_bag_of_another_namespace_is_played_in_it(bag, ros_domain, tmp_path):
             writer.add_topic(topic.replace('/stereo/', '/rig_2/'), info.type)
         for record in reader.messages():
             writer.write(record.topic.replace('/stereo/', '/rig_2/'), record.stamp_ns, record.data)
-    done = binopos('replay', moved, '--config', bag / 'binopos.yaml')
+    done = binopos('replay', moved, '--config', bag / 'binopos.yaml', '--rate', '0.5')
     assert done.returncode == 0, done.stderr
     assert figure(done.stdout, 'poses') == str(PAIRS)
 

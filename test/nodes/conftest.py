@@ -36,9 +36,9 @@ class NodeProcess:
         )
 
     def end(self, number: int = signal.SIGINT) -> tuple[int, str]:
-        """Send a signal; exit status and stderr. More than a second to end is a failure."""
+        """Send a signal and wait for the end; exit status and stderr."""
         self.process.send_signal(number)
-        return self.wait(1.0)
+        return self.wait()
 
     def wait(self, seconds: float = PATIENCE) -> tuple[int, str]:
         """Wait for the process; exit status and stderr."""
