@@ -15,8 +15,7 @@ from binopos_ros.capture.usb import Camera
 class Identity:
     """What a camera is known by once it has been opened.
 
-    :ivar serial: '' where it has none, or shares it with another that is plugged in: cheap
-        cameras all bear the same.
+    :ivar serial: '' where it has none; cheap cameras of a model may all bear the same.
     """
 
     vendor_product: str
@@ -25,44 +24,40 @@ class Identity:
     node: str
 
     @classmethod
-    def of(cls, camera: Camera, cameras: Iterable[Camera]) -> Identity:
-        """The identity of a camera among those that are plugged in."""
-        sharing = {
-            other.device
-            for other in cameras
-            if (other.vendor_product, other.serial) == (camera.vendor_product, camera.serial)
-        }
-        serial = camera.serial if len(sharing) < 2 else ''
-        return cls(camera.vendor_product, serial, camera.port, camera.node)
+    def of(cls, camera: Camera) -> Identity:
+        """The identity of a camera."""
+        return cls(camera.vendor_product, camera.serial, camera.port, camera.node)
 
-    def same_device(self, other: Identity) -> bool:
-        """Whether both are one device for certain, by their serial numbers."""
-        return bool(self.serial) and (self.vendor_product, self.serial) == (
-            other.vendor_product,
-            other.serial,
-        )
+    def alike(self, camera: Camera) -> bool:
+        """Whether the camera is of this model and bears this serial, or neither bears one."""
+        return (self.vendor_product, self.serial) == (camera.vendor_product, camera.serial)
+
+    def claims(self, camera: Camera) -> bool:
+        """Whether the camera is alike and in this one's place."""
+        return self.alike(camera) and (self.port or self.node) == camera.device
 
 
 def find_again(
-    identity: Identity, cameras: Iterable[Camera], taken: Iterable[str] = ()
+    identity: Identity, cameras: Iterable[Camera], others: Iterable[Identity] = ()
 ) -> Camera | None:
     """Find the camera again, on whatever port and under whatever number.
 
-    By its serial number; without one by its port; failing that, the only one of its model that
-    nobody else holds. None where it is not there, or could be several.
+    It is alike, serial number included. Where several are (they bear no serials, or the same one;
+    or the kernel still lists a camera where it was unplugged beside where it is now), it is the
+    one at the port where it was; failing that, the only one that nobody else claims. None where it
+    is not there, or could be several.
 
-    :param taken: nodes that others hold.
+    :param others: the identities of the cameras of other sides.
     """
     first_nodes = [camera for camera in cameras if camera.index == 0 or not camera.port]
     if not identity.vendor_product:
         return next((one for one in first_nodes if one.node == identity.node), None)
-    alike = [one for one in first_nodes if one.vendor_product == identity.vendor_product]
-    if identity.serial:
-        return next((one for one in alike if one.serial == identity.serial), None)
-    there = next((one for one in alike if one.port == identity.port), None)
+    alike = [one for one in first_nodes if identity.alike(one)]
+    there = next((one for one in alike if identity.claims(one)), None)
     if there is not None:
         return there
-    free = [one for one in alike if one.node not in set(taken)]
+    claimed = list(others)
+    free = [one for one in alike if not any(other.claims(one) for other in claimed)]
     return free[0] if len(free) == 1 else None
 
 
@@ -70,7 +65,15 @@ def exchanged(before: Mapping[str, Identity], now: Mapping[str, Identity]) -> bo
     """Whether left and right have changed places, as far as serial numbers can tell."""
     if not {'left', 'right'} <= before.keys() & now.keys():
         return False
-    return before['left'].same_device(now['right']) and before['right'].same_device(now['left'])
+    known = [_serials(identities) for identities in (before, now)]
+    left, right = known[0]
+    return left != right and all(serial for _, serial in known[0]) and known[1] == [right, left]
+
+
+def _serials(identities: Mapping[str, Identity]) -> list[tuple[str, str]]:
+    return [
+        (identities[side].vendor_product, identities[side].serial) for side in ('left', 'right')
+    ]
 
 
 def memory_file() -> Path:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -101,7 +101,7 @@ class SteadyCamera:
 
     :param name: as `usb.choose` takes it.
     :param controls: values to set each time it is opened, by the control's name.
-    :param taken: nodes that other cameras of this process hold.
+    :param others: the identities of the other cameras of this process.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class SteadyCamera:
         wanted: Wanted,
         *,
         controls: dict[str, int | str] | None = None,
-        taken: Callable[[], Iterable[str]] = tuple,
+        others: Callable[[], Iterable[Identity]] = tuple,
         kernel: Kernel | None = None,
         look: Callable[[], list[Camera]] = usb.find_cameras,
         reset: Callable[[Camera], None] = usb.reset,
@@ -121,7 +121,7 @@ class SteadyCamera:
         self.identity: Identity | None = None
         self.controls: dict[str, Control] = {}
         self._settings = dict(controls or {})
-        self._taken = taken
+        self._others = others
         self._kernel = kernel
         self._look = look
         self._reset = reset
@@ -132,12 +132,6 @@ class SteadyCamera:
         self._seen_at: float | None = None
         self._failures = 0
 
-    @property
-    def node(self) -> str:
-        """The device node that is open now, or ''."""
-        device = self._device
-        return device.path if device is not None else ''
-
     def check(self) -> None:
         """Open the camera and set it up once, to know at the start whether that is possible.
 
@@ -146,7 +140,7 @@ class SteadyCamera:
         with self._opened():
             pass
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Generator[Frame, None, None]:
         """Yield good frames until `stop`, over every loss of the camera.
 
         A frame's bytes are valid until the next one is asked for.
@@ -161,6 +155,16 @@ class SteadyCamera:
                 self._note_loss(error)
                 self._stopping.wait(pauses.after(error.cause, time.monotonic() - began))
         self.health.state = CLOSED
+
+    def give_up(self, trouble: str) -> None:
+        """Tell of a trouble that is not the camera's, and pause before it is opened again."""
+        self.health.state, self.health.trouble = LOST, trouble
+        self._stopping.wait(LONGEST_PAUSE)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether `frames` has been told to end."""
+        return self._stopping.is_set()
 
     def stop(self) -> None:
         """End `frames` within a tenth of a second, now and until `resume`."""
@@ -215,21 +219,25 @@ class SteadyCamera:
 
     def _find(self) -> Camera:
         cameras = self._look()
+        others = list(self._others())
         if self.identity is None:
             camera = usb.choose(self.name, cameras)
+            if any(other.claims(camera) for other in others):
+                message = (
+                    f'camera {self.name!r} is {camera}, which the other side has: '
+                    'name two cameras in left.device and right.device'
+                )
+                raise CaptureError(message)
         else:
-            again = find_again(self.identity, cameras, self._taken())
+            again = find_again(self.identity, cameras, others)
             if again is None:
                 raise CaptureError(self._absent(cameras), GONE)
             camera = again
-        if camera.node in self._taken():
-            message = f'camera {self.name!r} is {camera}, which the other side has; name another'
-            raise CaptureError(message)
+            if camera.port != self.identity.port:
+                self.health.notice = f'moved from USB port {self.identity.port} to {camera.port}'
         if self._seen_at is None:
             self._seen_at = time.monotonic()
-        if self.identity is not None and camera.port != self.identity.port:
-            self.health.notice = f'moved from USB port {self.identity.port} to {camera.port}'
-        self.identity = Identity.of(camera, cameras)
+        self.identity = Identity.of(camera)
         return camera
 
     def _absent(self, cameras: list[Camera]) -> str:

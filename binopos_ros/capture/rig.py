@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import closing
 
 from binopos_ros.capture import usb
 from binopos_ros.capture.errors import INVALID, CaptureError
@@ -11,7 +13,7 @@ from binopos_ros.capture.identity import Identity
 from binopos_ros.capture.kernel import Kernel
 from binopos_ros.capture.options import CaptureOptions
 from binopos_ros.capture.pairing import SIDES, SkewMeter
-from binopos_ros.capture.recovery import LOST, STREAMING, SteadyCamera
+from binopos_ros.capture.recovery import STREAMING, SteadyCamera
 from binopos_ros.capture.stream import Frame
 from binopos_ros.capture.usb import Camera
 from binopos_ros.capture.v4l2 import Format
@@ -21,6 +23,8 @@ AUTOMATICS = {'auto_exposure': 1, 'exposure_auto': 1, 'gain_automatic': 0}
 """Controls that let a camera choose its exposure by itself -> the value that stops it."""
 
 BOTH = 'both'
+
+_log = logging.getLogger(__name__)
 
 Settings = Mapping[str, dict[str, 'int | str']]
 
@@ -59,7 +63,7 @@ class CaptureRig:
                 name,
                 options.wanted,
                 controls=settings.get(side),
-                taken=lambda side=side: self._taken(side),  # type: ignore[misc]
+                others=lambda side=side: self._others(side),  # type: ignore[misc]
                 kernel=kernel,
                 look=look,
             )
@@ -80,14 +84,6 @@ class CaptureRig:
                     raise
                 camera.health.trouble = str(error)
                 troubles[side] = error
-        nodes = {identity.node for identity in self.identities().values()}
-        if not troubles and len(nodes) < len(self.cameras):
-            left, right = (self.cameras[side] for side in SIDES)
-            message = (
-                f'left.device {left.name!r} and right.device {right.name!r} are one camera, '
-                f'{left.health.camera}: name two'
-            )
-            raise CaptureError(message)
         return troubles
 
     @property
@@ -146,19 +142,21 @@ class CaptureRig:
             return f'exposure not locked: {error}'
         return ''
 
-    def _taken(self, side: str) -> list[str]:
-        return [camera.node for other, camera in self.cameras.items() if other != side]
+    def _others(self, side: str) -> list[Identity]:
+        return [identity for other, identity in self.identities().items() if other != side]
 
     def _work(self, side: str) -> None:
         camera = self.cameras[side]
-        try:
-            for frame in camera.frames():
-                if side in SIDES:
-                    with self._lock:
-                        self.meter.add(side, frame.stamp_ns)
-                assert camera.health.format is not None
-                self._on_frame(side, frame, camera.health.format)
-        except Exception as error:
-            # Whoever reads the diagnostics must not be told that it streams.
-            camera.health.state, camera.health.trouble = LOST, f'stopped by a bug: {error!r}'
-            raise
+        while not camera.stopped:
+            try:
+                with closing(camera.frames()) as frames:
+                    for frame in frames:
+                        if side in SIDES:
+                            with self._lock:
+                                self.meter.add(side, frame.stamp_ns)
+                        assert camera.health.format is not None
+                        self._on_frame(side, frame, camera.health.format)
+            except Exception as error:
+                # A bug must neither be told as streaming nor cost the camera for good.
+                _log.exception('camera %s', side)
+                camera.give_up(f'a bug: {error!r}; opening it again')

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,12 +61,10 @@ def find_cameras(root: str = '/') -> list[Camera]:
 
     :param root: where /sys and /dev are found.
     """
-    folder = Path(root, 'sys/class/video4linux')
-    if not folder.is_dir():
-        return []
     by_id = _links(Path(root, 'dev/v4l/by-id'))
     by_path = _links(Path(root, 'dev/v4l/by-path'))
-    entries = [entry for entry in folder.iterdir() if re.fullmatch(r'video\d+', entry.name)]
+    folder = Path(root, 'sys/class/video4linux')
+    entries = [entry for entry in _entries(folder) if re.fullmatch(r'video\d+', entry.name)]
     cameras = []
     for entry in sorted(entries, key=lambda entry: int(entry.name[len('video') :])):
         name = _read(entry / 'name')
@@ -153,13 +152,18 @@ def _bears(camera: Camera, name: str) -> bool:
 
 
 def _links(folder: Path) -> dict[str, str]:
-    if not folder.is_dir():
-        return {}
-    return {
-        os.path.basename(os.readlink(link)): f'/dev/v4l/{folder.name}/{link.name}'
-        for link in sorted(folder.iterdir())
-        if link.is_symlink()
-    }
+    links = {}
+    for link in _entries(folder):
+        with suppress(OSError):  # gone while we looked, or no link
+            links[os.path.basename(os.readlink(link))] = f'/dev/v4l/{folder.name}/{link.name}'
+    return links
+
+
+def _entries(folder: Path) -> list[Path]:
+    """What is in a folder that udev or the kernel may take away while we look."""
+    with suppress(OSError):
+        return sorted(folder.iterdir())
+    return []
 
 
 def _usb_device(link: Path) -> Path | None:

@@ -13,6 +13,7 @@ import pytest
 from binopos_ros.capture import errors, recovery
 from binopos_ros.capture import kernel as v4l2
 from binopos_ros.capture.errors import CaptureError
+from binopos_ros.capture.identity import Identity
 from binopos_ros.capture.recovery import Pauses, SteadyCamera, Wanted
 from binopos_ros.capture.usb import Camera
 
@@ -244,7 +245,7 @@ def test_a_camera_that_sends_only_damage_is_opened_again(bench, take):
 
 
 def test_the_camera_of_the_other_side_is_refused(bench):
-    steady = bench.camera(taken=lambda: ['/dev/video0'])
+    steady = bench.camera(others=lambda: [Identity.of(LEFT)])
     with pytest.raises(CaptureError, match='which the other side has') as caught:
         steady.check()
     assert caught.value.cause == errors.INVALID

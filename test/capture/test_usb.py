@@ -82,6 +82,24 @@ def test_a_machine_without_cameras_has_none(tmp_path):
     assert find_cameras(str(tmp_path)) == []
 
 
+def test_what_is_unplugged_while_we_look_is_not_there(two, tmp_path, monkeypatch):
+    """udev and the kernel take entries away between the listing and the reading of them."""
+    listed = usb.Path.iterdir
+
+    def late(folder):
+        yield from listed(folder)
+        yield folder / 'video77'
+
+    monkeypatch.setattr(usb.Path, 'iterdir', late)
+    assert find_cameras(str(tmp_path)) == two
+
+    def gone(folder):
+        raise FileNotFoundError(errno.ENOENT, 'gone', str(folder))
+
+    monkeypatch.setattr(usb.Path, 'iterdir', gone)
+    assert find_cameras(str(tmp_path)) == []
+
+
 @pytest.mark.parametrize(
     'name',
     [

@@ -373,7 +373,7 @@ def test_an_exchange_since_the_last_run_is_noticed(rig, peer):
     ('parameters', 'words'),
     [
         ({'right.device': 'S1'}, "are both 'S1': name two cameras"),
-        ({'right.device': '/dev/video0'}, 'are one camera, /dev/video0'),
+        ({'right.device': '/dev/video0'}, 'which the other side has: name two'),
         ({'width': 320}, 'no MJPG 320x48; it offers MJPG 64x48'),
         ({'pixel_format': 'H264'}, "pixel_format 'H264' cannot be passed on; choose one of MJPG"),
         ({'left.controls.gain': 96}, 'gain = 96 is out of range: it takes 0 to 95'),
