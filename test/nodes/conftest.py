@@ -16,6 +16,15 @@ import yaml
 rclpy = pytest.importorskip('rclpy', reason='rclpy is not installed')
 
 PATIENCE = 20.0
+#: What the tests publish, each message once: best effort may lose one on a busy machine.
+RELIABLE = [
+    *(
+        f'/stereo/{side}/{name}'
+        for side in ('left', 'right')
+        for name in ('image_raw', 'image_raw/compressed', 'camera_info', 'centroid')
+    ),
+    '/stereo/target/position',
+]
 
 
 class NodeProcess:
@@ -23,13 +32,16 @@ class NodeProcess:
 
     def __init__(self, folder: Path, names: tuple[str, ...], parameters: dict[str, Any]) -> None:
         path = folder / f'{"_".join(names)}.yaml'
-        blocks = {
+        reliable = {topic: {'subscription': {'reliability': 'reliable'}} for topic in RELIABLE}
+        blocks = {'/**': {'ros__parameters': {'qos_overrides': reliable}}} | {
             f'/**/{name}': {'ros__parameters': values} for name, values in parameters.items()
         }
         path.write_text(yaml.safe_dump(blocks), encoding='utf-8')
-        words = ['--ros-args', '--params-file', str(path)] if blocks else []
         self.process = subprocess.Popen(
-            [sys.executable, '-m', 'binopos_ros.nodes', *names, *words],
+            [
+                *(sys.executable, '-m', 'binopos_ros.nodes', *names),
+                *('--ros-args', '--params-file', str(path)),
+            ],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -58,7 +70,7 @@ class Peer:
         self.got: dict[str, list[Any]] = {}
 
     def publisher(self, message_type: type, topic: str) -> Any:
-        return self.node.create_publisher(message_type, topic, 10)
+        return self.node.create_publisher(message_type, topic, 50)
 
     def listen(self, message_type: type, topic: str) -> list[Any]:
         self.got[topic] = []
