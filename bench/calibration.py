@@ -20,7 +20,8 @@ from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.covariance import ParameterCovariance, calibration_covariances
 from binopos_ros.calibration.gather import find_boards
-from binopos_ros.calibration.interface import InterfaceGuess, calibrate_interface
+from binopos_ros.calibration.guesses import InterfaceGuess
+from binopos_ros.calibration.interface import calibrate_interface
 from binopos_ros.calibration.sources import PicturePair, open_pictures
 from binopos_ros.calibration.state import RigState, exponential
 from binopos_ros.calibration.stereo import calibrate_stereo

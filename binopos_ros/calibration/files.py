@@ -115,11 +115,12 @@ def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Pat
     for place, interface in calibration.state.interfaces.items():
         tilt = [calibration.deviation(f'{place}.normal.{i}') for i in (0, 1)]
         distance = calibration.deviation(f'{place}.distance')
+        last = f'  # the last +- {index:.5f}' if place in calibration.state.last_places else ''
         lines += [
             f'    {place}:',
             f'      normal: {_numbers(interface.normal)}  # +- {np.degrees(max(tilt)):.3f} deg',
             f'      distance: {interface.distance!r}  # m, +- {distance:.5f}',
-            f'      indices: {_numbers(interface.indices)}  # the last +- {index:.5f}',
+            f'      indices: {_numbers(interface.indices)}{last}',
         ]
         if interface.thicknesses:
             spread = ', '.join(

@@ -8,31 +8,28 @@ pictures mix as they should, and nothing has to be held at a value that is not e
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from binopos_ros.calibration.adjust import NEARLY, Adjustment, Prior, View, adjust
 from binopos_ros.calibration.covariance import ParameterCovariance
 from binopos_ros.calibration.errors import CalibrationError
+from binopos_ros.calibration.guesses import (
+    InterfaceGuess,
+    check_places,
+    prior_deviations,
+    unknowns,
+    with_known_ports,
+)
 from binopos_ros.calibration.start import other_pose, straight_poses, sunk
 from binopos_ros.calibration.state import (
     LEFT,
-    LEFT_PORT,
-    RIGHT_PORT,
-    SHARED,
-    TARGET_INDEX,
     RigState,
 )
 from binopos_ros.calibration.views import Dropped
-from binopos_ros.optics import FlatInterface
 
-#: Where nothing was measured: standard deviations so wide that the pictures decide.
-UNKNOWN_NORMAL = 0.5  # rad
-UNKNOWN_DISTANCE = 10.0  # m
-UNKNOWN_INDEX = 0.1
-UNKNOWN_LAYER = 0.01  # the index of glass or acrylic whose kind is known
 SUSPICIOUS = 1.5  # times the median RMS of the views
 FEWEST_INLIERS = 0.7  # of a view's points
 #: First guesses of an unknown distance, as parts of the way to the nearest board.
@@ -44,64 +41,6 @@ EXPLAINED = 0.6  # of the RMS may be left by an explanation, and no more than 2 
 SCALES = (0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
 HOPELESS = 3.0  # px
 GOOD_START = 0.5  # px; a descent into a wrong valley ends far above it
-
-
-@dataclass(frozen=True)
-class InterfaceGuess:
-    """What is known of an interface beforehand.
-
-    Attributes:
-        place: 'interface' (shared, rig frame), 'left_port' or 'right_port' (own camera's frame).
-        indices: of the media, camera side first; the first is exact.
-        thicknesses: of the layers in between (m).
-        distance: to the first surface (m), None where unknown.
-        normal: from the cameras into the target's medium.
-        deviations: standard deviations of what was measured: keys 'normal' (rad), 'distance' (m),
-            'target_index', and of the layers in between 'thicknesses.0' (m), 'indices.1' and so
-            on. What is not named takes `UNKNOWN_*`, a layer's own 1 % and `UNKNOWN_LAYER`.
-    """
-
-    place: str
-    indices: tuple[float, ...]
-    thicknesses: tuple[float, ...] = ()
-    distance: float | None = None
-    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    deviations: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.place not in (SHARED, LEFT_PORT, RIGHT_PORT):
-            raise CalibrationError(
-                f"place {self.place!r}: '{SHARED}', '{LEFT_PORT}' or '{RIGHT_PORT}'"
-            )
-        known = {'normal', 'distance', TARGET_INDEX}
-        known |= {f'indices.{i}' for i in range(1, len(self.indices) - 1)}
-        known |= {f'thicknesses.{i}' for i in range(len(self.thicknesses))}
-        for name, deviation in self.deviations.items():
-            if name not in known:
-                raise CalibrationError(
-                    f'{self.place} has no {name!r}: choose from {", ".join(sorted(known))}'
-                )
-            if not deviation > 0:
-                raise CalibrationError(
-                    f'{self.place}.{name}: standard deviation {deviation:g}: it must be above 0'
-                )
-
-    def interface(self, distance: float) -> FlatInterface:
-        """The interface at this guess."""
-        return FlatInterface(self.normal, distance, self.indices, self.thicknesses)
-
-    def deviation(self, name: str) -> float:
-        """The prior's standard deviation of one of this interface's parameters."""
-        if name.startswith('normal'):
-            return self.deviations.get('normal', UNKNOWN_NORMAL)
-        if name in self.deviations:
-            return self.deviations[name]
-        if name == 'distance':
-            return UNKNOWN_DISTANCE
-        if name == TARGET_INDEX:
-            return UNKNOWN_INDEX
-        kind, number = name.split('.')
-        return 0.01 * self.thicknesses[int(number)] if kind == 'thicknesses' else UNKNOWN_LAYER
 
 
 @dataclass(frozen=True)
@@ -148,7 +87,7 @@ def calibrate_interface(
     Args:
         air: the rig as calibrated in air, without interfaces.
         views: of boards or balls beyond the interface.
-        guesses: one shared surface, or a port for each camera.
+        guesses: one shared surface, or a port for each camera, or both.
         air_covariance: of the cameras' parameters; None takes them as exact.
         free_cameras: estimate the cameras' parameters without any prior (a rig that was never in
             air; needs points spread over the whole volume).
@@ -158,7 +97,8 @@ def calibrate_interface(
     Raises:
         CalibrationError: no guess, views that no such interface explains, or nothing known at all.
     """
-    _check_places(guesses)
+    check_places(guesses)
+    guesses = with_known_ports(guesses)
     if not views:
         return _ruler_only(air, guesses, air_covariance)
     best, prior = _best_start(air, views, guesses, air_covariance, free_cameras)
@@ -178,7 +118,7 @@ def calibrate_interface(
     return InterfaceCalibration(
         fit.state,
         fit.covariance,
-        _prior_deviations(fit.state, guesses),
+        prior_deviations(fit.state, guesses),
         fit,
         tuple(views),
         tuple(dropped),
@@ -288,7 +228,7 @@ def _best_start(
         }
         start = replace(air, interfaces=interfaces)
         poses = [sunk(pose, view, start) for pose, view in zip(straight, views, strict=True)]
-        free, prior = _unknowns(start, guesses, air_covariance, free_cameras)
+        free, prior = unknowns(start, guesses, air_covariance, free_cameras)
         try:
             fit = adjust(
                 start, poses, views, free, prior, robust=False, sigma=1.0, converged=NEARLY
@@ -305,56 +245,6 @@ def _best_start(
     return best
 
 
-def _check_places(guesses: Sequence[InterfaceGuess]) -> None:
-    places = sorted(guess.place for guess in guesses)
-    if places not in ([SHARED], [LEFT_PORT, RIGHT_PORT], [LEFT_PORT], [RIGHT_PORT]):
-        raise CalibrationError(
-            f'interfaces {places}: give one shared surface, or a port for each camera'
-        )
-    if len({guess.indices[-1] for guess in guesses}) > 1:
-        raise CalibrationError(
-            'the ports end in different media: both look at one target, give one last index'
-        )
-
-
-def _unknowns(
-    start: RigState,
-    guesses: Sequence[InterfaceGuess],
-    air_covariance: ParameterCovariance | None,
-    free_cameras: bool,
-) -> tuple[np.ndarray, Prior]:
-    """Which parameters are free, and what is known of them."""
-    names = start.names
-    prior = _prior_deviations(start, guesses)
-    own = np.array([name in prior for name in names])
-    free = own.copy()
-    information = np.zeros((len(names), len(names)))
-    if free_cameras:
-        free[:] = True
-    elif air_covariance is not None:
-        cameras = np.flatnonzero(~own)
-        covariance = air_covariance.ordered([names[i] for i in cameras])
-        known = np.diag(covariance) > 0
-        cameras, covariance = cameras[known], covariance[np.ix_(known, known)]
-        scale = np.sqrt(np.diag(covariance))
-        inverse = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)
-        information[np.ix_(cameras, cameras)] = inverse / np.outer(scale, scale)
-        free[cameras] = True
-    measured = {f'{guess.place}.distance' for guess in guesses if guess.distance is not None}
-    for i, name in enumerate(names):
-        if name in prior and (name in measured or not name.endswith('.distance')):
-            information[i, i] = prior[name] ** -2
-    return free, Prior(start, information)
-
-
-def _prior_deviations(state: RigState, guesses: Sequence[InterfaceGuess]) -> dict[str, float]:
-    deviations = {TARGET_INDEX: min(guess.deviation(TARGET_INDEX) for guess in guesses)}
-    for guess in guesses:
-        for name in state.names_of(guess.place):
-            deviations[name] = guess.deviation(name.partition('.')[2])
-    return deviations
-
-
 def _ruler_only(
     air: RigState,
     guesses: Sequence[InterfaceGuess],
@@ -369,7 +259,7 @@ def _ruler_only(
             )
         interfaces[guess.place] = guess.interface(guess.distance)
     state = replace(air, interfaces=interfaces)
-    prior = _prior_deviations(state, guesses)
+    prior = prior_deviations(state, guesses)
     covariance = np.diag([prior.get(name, 0.0) ** 2 for name in state.names])
     if air_covariance is not None:
         covariance += air_covariance.ordered(

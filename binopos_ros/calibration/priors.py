@@ -4,43 +4,57 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.interface import InterfaceGuess
+from binopos_ros.calibration.guesses import InterfaceGuess
 from binopos_ros.calibration.state import LEFT_PORT, RIGHT_PORT, SHARED, TARGET_INDEX
 
 PLACES = (SHARED, LEFT_PORT, RIGHT_PORT)
 EXAMPLE = 'write NAME=VALUE,SD as in distance=0.80,0.005 (metres)'
 
 
+@dataclass(frozen=True)
+class Media:
+    """Indices of the media, camera side first, and thicknesses of the layers in between (m)."""
+
+    indices: Sequence[float]
+    thicknesses: Sequence[float] = ()
+
+    def guess(self, place: str) -> InterfaceGuess:
+        """An interface of which nothing else is known.
+
+        Raises:
+            CalibrationError: media and layers do not fit.
+        """
+        if len(self.indices) != len(self.thicknesses) + 2:
+            raise CalibrationError(
+                f'{len(self.indices)} indices and {len(self.thicknesses)} thicknesses: give one '
+                'index per medium, camera side first, and a thickness for each layer in between'
+            )
+        return InterfaceGuess(place, tuple(self.indices), tuple(self.thicknesses))
+
+
 def guesses_from(
-    indices: Sequence[float],
-    thicknesses: Sequence[float],
-    ports: bool,
-    priors: Sequence[str],
+    shared: Media | None, ports: Media | None, priors: Sequence[str]
 ) -> list[InterfaceGuess]:
     """The interfaces as they are known beforehand.
 
     Args:
-        indices: of the media, camera side first.
-        thicknesses: of the layers in between (m).
-        ports: a port for each camera in place of a shared surface.
-        priors: words as 'distance=0.80,0.005'; a name without a place counts for every interface.
+        shared: the surface that both cameras look through, if any.
+        ports: those of the two cameras, if any.
+        priors: words as 'distance=0.80,0.005'; a name without a place counts for every interface
+            where there is no doubt which.
 
     Raises:
         CalibrationError: a word that cannot be read, or media and layers that do not fit.
     """
-    if len(indices) != len(thicknesses) + 2:
-        raise CalibrationError(
-            f'{len(indices)} indices and {len(thicknesses)} thicknesses: give one index per '
-            'medium, camera side first, and a thickness for each layer in between'
-        )
-    guesses = {
-        place: InterfaceGuess(place, tuple(indices), tuple(thicknesses))
-        for place in ((LEFT_PORT, RIGHT_PORT) if ports else (SHARED,))
-    }
+    guesses: dict[str, InterfaceGuess] = {}
+    if shared is not None:
+        guesses[SHARED] = shared.guess(SHARED)
+    if ports is not None:
+        guesses |= {place: ports.guess(place) for place in (LEFT_PORT, RIGHT_PORT)}
     for word in priors:
         name, numbers = _split(word)
         place, _, rest = name.partition('.')
@@ -50,6 +64,12 @@ def guesses_from(
                 f'{"drop" if ports else "add"} --ports, or name {", ".join(guesses)}'
             )
         chosen = [place] if place in guesses else list(guesses)
+        if name == TARGET_INDEX and SHARED in guesses:
+            chosen = [SHARED]
+        elif shared and ports and place not in guesses:
+            raise CalibrationError(
+                f'--prior {word}: say which: {" or ".join(f"{one}.{name}" for one in guesses)}'
+            )
         for one in chosen:
             parameter = rest if place in guesses else name
             guesses[one] = _with_prior(guesses[one], parameter, numbers, word)

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.refracted import apparent_points
 from binopos_ros.calibration.state import (
+    LEFT_PORT,
     RIGHT,
+    RIGHT_PORT,
     SHARED,
     SIDES,
     TARGET_INDEX,
@@ -23,6 +24,11 @@ from binopos_ros.calibration.state import (
     cross_matrices,
     places_seen_through,
 )
+from binopos_ros.optics import OpticsError
+from binopos_ros.optics.arithmetic import ARRAYS
+from binopos_ros.optics.paths import path_through
+from binopos_ros.optics.shooting import image_plane_jacobian
+from binopos_ros.optics.surfaces import Surfaces
 
 
 @dataclass(frozen=True)
@@ -113,10 +119,7 @@ def _through_interface(state: RigState, side: int, local: np.ndarray) -> _Seen:
         straight = np.broadcast_to(np.eye(3), (count, 3, 3))
         return _Seen(local, straight, np.zeros((count, 3, 0)), [], still, still)
     if len(places) > 1:
-        raise CalibrationError(
-            f'the {SIDES[side]} camera looks through {" and ".join(places)}: calibrate either a '
-            'shared surface or ports, not both'
-        )
+        return _through_both(state, side, local)
     (place,) = places
     interface = state.interfaces[place]
     own = [TARGET_INDEX, *state.names_of(place)]
@@ -143,3 +146,48 @@ def _through_interface(state: RigState, side: int, local: np.ndarray) -> _Seen:
     by_rotation = by_normal @ -cross_matrices(normal) if in_rig_frame else still
     by_translation = by_distance * normal if in_rig_frame else still
     return _Seen(seen.points, seen.by_point, by_interface, columns, by_rotation, by_translation)
+
+
+def _through_both(state: RigState, side: int, local: np.ndarray) -> _Seen:
+    """Through the camera's own port and the shared surface behind it, at any angle.
+
+    Apparent points are those of the image plane, z = 1.
+    """
+    rotation = state.rotation if side == RIGHT else np.eye(3)
+    translation = state.translation if side == RIGHT else np.zeros(3)
+    shared = state.interfaces[SHARED]
+    port = state.interfaces[RIGHT_PORT if side == RIGHT else LEFT_PORT]
+    try:
+        surfaces = Surfaces(port, shared, rotation, translation, SIDES[side])
+    except OpticsError:
+        return _unseen(len(local))
+    x, y, z = np.ascontiguousarray(local.T)
+    with np.errstate(all='ignore'):
+        dx, dy, dz = path_through(surfaces).direction((x, y, z), ARRAYS)
+        flat = np.stack([dx / dz, dy / dz, np.ones(len(local))], axis=1)
+        by_point, by_named = image_plane_jacobian(surfaces, flat[:, 0], flat[:, 1], local)
+    names = surfaces.seeds.names
+    own = [name for name in names if name in state.names]
+    by_interface = _flat_rows(by_named[:, :, [names.index(name) for name in own]])
+    by_rotation, by_translation = (np.zeros((len(local), 3, 3)) for _ in range(2))
+    if side == RIGHT:
+        # The shared surface stays while the camera turns and moves.
+        normal = rotation @ shared.normal
+        for i, tangent in enumerate(state.bases[SHARED] @ rotation.T):
+            column = by_interface[:, :, own.index(f'{SHARED}.normal.{i}')]
+            by_rotation += column[:, :, None] * np.cross(normal, tangent)
+        distance = by_interface[:, :, own.index(f'{SHARED}.distance')]
+        by_translation = distance[:, :, None] * normal
+    columns = [state.names.index(name) for name in own]
+    return _Seen(flat, _flat_rows(by_point), by_interface, columns, by_rotation, by_translation)
+
+
+def _unseen(count: int) -> _Seen:
+    """What a camera sees through surfaces that reach through each other: nothing."""
+    nothing = np.full((count, 3, 3), np.nan)
+    return _Seen(nothing[:, :, 0], nothing, nothing[:, :, :0], [], nothing, nothing)
+
+
+def _flat_rows(by: np.ndarray) -> np.ndarray:
+    """(N, 2, K) of the image plane as (N, 3, K) of points there."""
+    return np.concatenate([by, np.zeros_like(by[:, :1])], axis=1)

@@ -119,7 +119,7 @@ def _straight_pose(camera: Camera, view: View, side: int) -> Pose | None:
 def sunk(pose: Pose, view: View, state: RigState) -> Pose:
     """Push a board to the depth at which it would look as near as it does, and behind the
     interface."""
-    interface = next(iter(state.interfaces.values()))
+    interface = state.interfaces[state.last_places[0]]
     normal = np.asarray(interface.normal)
     ratio = interface.indices[-1] / interface.indices[0]
     surface = interface.distance + sum(interface.thicknesses)

@@ -2,7 +2,8 @@
 
 Rotations change by a left factor exp(d), d in radians; a normal changes along the two directions
 of `optics.interface.tangents`; everything else adds. The surfaces' parameters bear the names of
-`StereoRig.parameter_names`; the index of the cameras' own medium is no parameter.
+`StereoRig.parameter_names`; the index of the cameras' own medium is no parameter, nor is that of
+the medium between the ports and a shared surface behind them.
 """
 
 from __future__ import annotations
@@ -124,7 +125,12 @@ class RigState:
     @property
     def target_index(self) -> float:
         """The refractive index of the target's medium; 1 without interfaces."""
-        return next((one.target_index for one in self.interfaces.values()), 1.0)
+        return next((self.interfaces[place].target_index for place in self.last_places), 1.0)
+
+    @property
+    def last_places(self) -> list[str]:
+        """The interfaces behind which the target's medium begins."""
+        return [SHARED] if SHARED in self.interfaces else list(self.interfaces)
 
     def plus(self, change: np.ndarray) -> RigState:
         """The state after a small change of all parameters."""
@@ -155,7 +161,8 @@ class RigState:
             distance = old.distance + float(take(1)[0])
             thicknesses = np.array(old.thicknesses) + take(layers)
             inner = np.array(old.indices[1:-1]) + take(layers)
-            indices = (old.indices[0], *inner, target_index)
+            last = target_index if place in self.last_places else old.indices[-1]
+            indices = (old.indices[0], *inner, last)
             interfaces[place] = FlatInterface(normal, distance, indices, thicknesses)
         return RigState(cameras, rotation, translation, interfaces)
 

@@ -70,6 +70,7 @@ def advice(calibration: InterfaceCalibration) -> str:
     """The next thing to do, or that nothing needs doing."""
     worst = [verdict for verdict in verdicts(calibration) if verdict.grade != DETERMINED]
     worst = [v for v in worst if v.name.split('.')[-2:-1] not in (['thicknesses'], ['indices'])]
+    worst = [v for v in worst if not _is_of_a_plate(calibration, v.name)]
     if not worst:
         return 'Nothing: every parameter that positions depend on is determined.'
     return worst[0].text
@@ -122,10 +123,15 @@ def _remedy(calibration: InterfaceCalibration, name: str) -> str:
         return (
             'the distance makes up for it, so positions hardly suffer; measure it with a caliper'
         )
+    if _is_of_a_plate(calibration, name):
+        return (
+            'a plate with one medium on both sides only shifts the rays by parts of a millimetre, '
+            'so positions hardly suffer'
+        )
     views = calibration.views
     poses = calibration.adjustment.poses if calibration.adjustment else ()
     boards = [(v, p) for v, p in zip(views, poses, strict=True) if v.turns]
-    interface = next(iter(calibration.state.interfaces.values()))
+    interface = calibration.state.interfaces[calibration.state.last_places[0]]
     if boards:
         tilts = tilt_angles([pose for _, pose in boards], interface.normal)
         if tilts.max() < LITTLE_TILT:
@@ -144,6 +150,12 @@ def _remedy(calibration: InterfaceCalibration, name: str) -> str:
     if parameter == 'distance':
         return 'measure the distance with a ruler and give it as a prior, or take more views'
     return 'fill more of both pictures with the board, nearer and towards the corners'
+
+
+def _is_of_a_plate(calibration: InterfaceCalibration, name: str) -> bool:
+    """Whether a parameter belongs to a port with the same medium on both sides."""
+    interface = calibration.state.interfaces.get(name.partition('.')[0])
+    return interface is not None and interface.indices[0] == interface.indices[-1]
 
 
 def tilt_angles(poses: Sequence[Pose], normal: np.ndarray) -> np.ndarray:

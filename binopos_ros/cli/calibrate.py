@@ -23,11 +23,12 @@ from binopos_ros.calibration.files import (
     write_stereo,
 )
 from binopos_ros.calibration.gather import find_boards, name_other_board
+from binopos_ros.calibration.guesses import InterfaceGuess
 from binopos_ros.calibration.guidance import Sizes, Solution, Solve
 from binopos_ros.calibration.interface import calibrate_interface
 from binopos_ros.calibration.live import LiveSession
 from binopos_ros.calibration.pairing import FEWEST_PAIRS
-from binopos_ros.calibration.priors import guesses_from, parse_numbers
+from binopos_ros.calibration.priors import Media, guesses_from, parse_numbers
 from binopos_ros.calibration.report import interface_report, stereo_report
 from binopos_ros.calibration.sources import Pictures, folder_pair, open_pictures
 from binopos_ros.calibration.state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
@@ -85,12 +86,7 @@ def _interface(arguments: argparse.Namespace) -> int:
             f'-o {output} would overwrite the calibration in air, which a second run needs: give '
             'another folder'
         )
-    guesses = guesses_from(
-        parse_numbers(arguments.indices, '--indices'),
-        parse_numbers(arguments.thicknesses, '--thicknesses'),
-        arguments.ports,
-        arguments.prior,
-    )
+    guesses = _guesses_of(arguments)
     sigma = None
     if arguments.target_diameter is not None:
         views, sigma = _ball_views(arguments, air)
@@ -119,6 +115,24 @@ def _interface(arguments: argparse.Namespace) -> int:
     paths.append(interface_report(output, calibration))
     _print_paths(paths)
     return 0
+
+
+def _guesses_of(arguments: argparse.Namespace) -> list[InterfaceGuess]:
+    def media(prefix: str) -> Media:
+        indices, thicknesses = (f'{prefix}{word}' for word in ('indices', 'thicknesses'))
+        return Media(
+            parse_numbers(getattr(arguments, indices), f'--{indices.replace("_", "-")}'),
+            parse_numbers(getattr(arguments, thicknesses), f'--{thicknesses.replace("_", "-")}'),
+        )
+
+    if not arguments.ports:
+        if arguments.surface_indices:
+            raise CalibrationError(
+                '--surface-indices are of a surface behind ports: add --ports, or give --indices'
+            )
+        return guesses_from(media(''), None, arguments.prior)
+    behind = media('surface_') if arguments.surface_indices else None
+    return guesses_from(behind, media(''), arguments.prior)
 
 
 def _check(arguments: argparse.Namespace) -> int:

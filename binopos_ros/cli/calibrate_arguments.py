@@ -54,7 +54,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--thicknesses', default='', metavar='T,..', help='of the layers in between (m)'
     )
     interface.add_argument(
-        '--ports', action='store_true', help='a port for each camera, no shared surface'
+        '--ports',
+        action='store_true',
+        help='a port for each camera: --indices and --thicknesses are theirs',
+    )
+    interface.add_argument(
+        '--surface-indices',
+        default='',
+        metavar='N1,N2,..',
+        help="with --ports: of a shared surface behind them (a tank's wall), beginning with the "
+        'medium that the ports end in',
+    )
+    interface.add_argument(
+        '--surface-thicknesses', default='', metavar='T,..', help='of the layers in it (m)'
     )
     interface.add_argument(
         '--prior',

@@ -12,7 +12,7 @@ import pytest
 from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.corners import find_board
-from binopos_ros.calibration.interface import InterfaceGuess
+from binopos_ros.calibration.guesses import InterfaceGuess
 from binopos_ros.calibration.state import exponential
 from binopos_ros.calibration.views import BoardPair
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
@@ -47,7 +47,8 @@ Rig = tuple[StereoRig, tuple[float, float]]
 
 
 def make_rig(kind: str, rng: np.random.Generator) -> Rig:
-    """A rig looking through a surface, a tank's wall or ports, and the depths of its targets."""
+    """A rig that looks through a surface, a tank's wall, ports, or ports and a wall behind them
+    ('housing'), and the depths of its targets."""
     focal = rng.uniform(800.0, 1000.0)
     matrix = np.array([[focal, 0.0, 639.5], [0.0, focal, 479.5], [0.0, 0.0, 1.0]])
     cameras = [
@@ -63,10 +64,15 @@ def make_rig(kind: str, rng: np.random.Generator) -> Rig:
         distance = rng.uniform(0.7, 0.9)
         interfaces = {'interface': FlatInterface(normal, distance, (1.0, water))}
         depths = (distance + 0.15, distance + 0.5)
-    elif kind == 'wall':
+    elif kind in ('wall', 'housing'):
         distance = rng.uniform(0.5, 0.7)
         wall = FlatInterface(normal, distance, (1.0, 1.49, water), (0.012,))
         interfaces = {'interface': wall}
+        for place in ('left_port', 'right_port') if kind == 'housing' else ():
+            slope = rng.normal(size=2) * np.radians(2.0)
+            interfaces[place] = FlatInterface(
+                [slope[0], slope[1], 1.0], rng.uniform(0.02, 0.05), (1.0, 1.49, 1.0), (0.01,)
+            )
         depths = (distance + 0.16, distance + 0.5)
     else:
         interfaces = {}
@@ -114,7 +120,11 @@ def see_boards(
 def guesses_for(rig: StereoRig) -> list[InterfaceGuess]:
     """What a user knows: the glass and its thickness, roughly the water, no distance, no tilt."""
     return [
-        InterfaceGuess(place, (1.0, *interface.indices[1:-1], 1.333), interface.thicknesses)
+        InterfaceGuess(
+            place,
+            (1.0, *interface.indices[1:-1], 1.0 if interface.indices[-1] == 1.0 else 1.333),
+            interface.thicknesses,
+        )
         for place in ('interface', 'left_port', 'right_port')
         if (interface := getattr(rig, place)) is not None
     ]

@@ -14,7 +14,8 @@ from scipy.stats import chi2
 from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.covariance import ParameterCovariance, calibration_covariances
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.interface import InterfaceGuess, calibrate_interface
+from binopos_ros.calibration.guesses import InterfaceGuess
+from binopos_ros.calibration.interface import calibrate_interface
 from binopos_ros.calibration.projection import Pose
 from binopos_ros.calibration.state import Camera, RigState
 from binopos_ros.calibration.verdicts import DETERMINED, PRIOR, WEAK, advice, verdicts
@@ -134,6 +135,33 @@ def test_mixed_boards_are_determined(rig_maker: Any, board_viewer: Any, guesser:
     own = [v for v in verdicts(result) if 'layer' not in v.text]
     assert {v.grade for v in own} == {DETERMINED}
     assert advice(result).startswith('Nothing')
+
+
+def test_ports_and_a_wall_behind_them_are_calibrated_together(
+    rig_maker: Any, board_viewer: Any, guesser: Any
+) -> None:
+    square, ratios = 0.0, []
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        rig, depths = rig_maker('housing', rng)
+        air = replace(RigState.of(rig), interfaces={})
+        views = board_viewer(rig, depths, rng, tilts=TILTS)
+        result = calibrate_interface(air, views, guesser(rig))
+        error = -RigState.of(rig).minus(result.state)
+        own = [i for i, name in enumerate(result.state.names) if name in result.prior]
+        wall = [i for i in own if result.state.names[i].startswith(('target', 'interface'))]
+        wall = [i for i in wall if 'indices' not in result.state.names[i]]
+        block = result.covariance[np.ix_(wall, wall)]
+        square += error[wall] @ np.linalg.solve(block, error[wall])
+        ratios.append(position_ratio(rig, depths, result.state, result.covariance, rng))
+    assert square < chi2.ppf(0.99, 2 * len(wall))
+    assert np.sqrt(np.mean(ratios)) < 1.3
+    by_name = {verdict.name: verdict for verdict in verdicts(result)}
+    assert by_name['target_index'].grade == DETERMINED
+    assert by_name['interface.distance'].grade == DETERMINED
+    assert by_name['left_port.distance'].grade == PRIOR
+    assert 'only shifts the rays' in by_name['left_port.distance'].text
+    assert 'port' not in advice(result)
 
 
 def test_a_ruler_narrows_the_distance(rig_maker: Any, board_viewer: Any, guesser: Any) -> None:
@@ -275,6 +303,14 @@ def test_ruler_alone_is_enough(rig_maker: Any) -> None:
                 InterfaceGuess('right_port', (1.0, 1.5, 1.34), (0.01,), 0.1),
             ],
             'different media',
+        ),
+        (
+            [
+                InterfaceGuess('interface', (1.0, 1.333), (), 0.8),
+                InterfaceGuess('left_port', (1.0, 1.5, 1.33), (0.01,), 0.1),
+                InterfaceGuess('right_port', (1.0, 1.5, 1.33), (0.01,), 0.1),
+            ],
+            'it is the same medium',
         ),
     ],
 )

@@ -19,6 +19,11 @@ SURFACES = {
         'left_port': FlatInterface([0.05, -0.03, 1.0], 0.05, (1.0, 1.5, 1.333), (0.01,)),
         'right_port': FlatInterface([-0.05, 0.03, 1.0], 0.06, (1.0, 1.47, 1.333), (0.008,)),
     },
+    'ports before a wall': {
+        'interface': FlatInterface([0.05, -0.03, 1.0], 0.8, (1.0, 1.5, 1.333), (0.01,)),
+        'left_port': FlatInterface([0.05, -0.03, 1.0], 0.05, (1.0, 1.5, 1.0), (0.01,)),
+        'right_port': FlatInterface([-0.05, 0.03, 1.0], 0.06, (1.0, 1.47, 1.0), (0.008,)),
+    },
 }
 
 
@@ -71,8 +76,8 @@ def test_minus_undoes_plus(rig: StereoRig) -> None:
 
 
 def test_surface_names_are_those_of_the_rig(rig: StereoRig) -> None:
-    surfaces = [name for name in rig.parameter_names if not name.endswith('indices.0')]
-    assert set(surfaces) <= set(RigState.of(rig).names)
+    surfaces = {name for name in rig.parameter_names if not name.endswith('indices.0')}
+    assert surfaces <= set(RigState.of(rig).names)
 
 
 def test_points_before_the_surface_have_no_pixel() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 from binopos_ros.bag import BagReader, BagWriter, messages
 from binopos_ros.cli import main
@@ -119,6 +120,22 @@ def test_a_ruler_is_enough(
     assert 'distance: 0.8' in (tmp_path / 'interface.yaml').read_text()
 
 
+def test_a_ruler_is_enough_for_ports_and_the_wall_behind_them(
+    world: Path, calibrated: Path, tmp_path: Path
+) -> None:
+    line = (
+        'calibrate interface --calibration {at}/cal -o {out} --ports --indices 1,1.5,1 '
+        '--thicknesses 0.01 --surface-indices 1,1.49,1.333 --surface-thicknesses 0.012 '
+        '--prior interface.distance=0.8,0.004 --prior left_port.distance=0.04,0.001'
+    )
+    assert main(words(line, at=world, out=tmp_path)) == 0
+    parameters = yaml.safe_load((tmp_path / 'interface.yaml').read_text())
+    blocks = parameters['/**/triangulator']['ros__parameters']
+    assert blocks['interface']['indices'] == [1.0, 1.49, 1.333]
+    assert blocks['left_port']['distance'] == 0.04
+    assert blocks['right_port']['indices'] == [1.0, 1.5, 1.0]
+
+
 def test_a_target_of_known_size_is_enough(
     world: Path, calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -196,6 +213,16 @@ def test_mixed_picture_sizes_are_named(
         ('--prior thicknesses.0=0.006,0.001', 'there is no thicknesses.0'),
         ('--prior left_port.distance=0.1,0.01', 'add --ports'),
         ('--indices 1.0,1.5,1.33', 'one index per medium'),
+        ('--surface-indices 1.0,1.333', 'add --ports'),
+        (
+            '--ports --indices 1,1.5,1 --thicknesses 0.01 --surface-indices 1,1.333 '
+            '--prior distance=0.8,0.1',
+            'say which: interface.distance or left_port.distance',
+        ),
+        (
+            '--ports --indices 1,1.5,1 --thicknesses 0.01 --surface-indices 1,1.5,1.333',
+            'one index per medium',
+        ),
         ('--indices 1.0,9.0 --prior distance=0.8,0.1', 'no refractive index'),
         ('--target-diameter 60', 'needs a bag'),
         ('', 'measured by hand'),
