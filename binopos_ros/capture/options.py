@@ -3,41 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from binopos_ros.capture.errors import CaptureError
 from binopos_ros.capture.formats import known_format
 from binopos_ros.capture.recovery import Wanted
-
-
-def _fixed(default: Any, description: str, unit: str = '', **more: Any) -> Any:
-    return _option(default, description, unit, read_only=True, **more)
-
-
-def _option(default: Any, description: str, unit: str = '', **more: Any) -> Any:
-    return field(default=default, metadata={'description': description, 'unit': unit, **more})
+from binopos_ros.parameters import option
 
 
 @dataclass(frozen=True)
 class LeftOptions:
     """The left camera."""
 
-    device: str = _fixed(
+    device: str = option(
         '/dev/video0',
         'Camera by its serial number, model (1209:0001), USB port (3-1.2), link below '
         '/dev/v4l/by-id or by-path, or node',
+        read_only=True,
     )
-    frame_id: str = _fixed('left_camera_optical_frame', 'Frame of the images')
-    camera_info_url: str = _fixed('', 'Calibration: file://, package:// or a path')
+    frame_id: str = option('left_camera_optical_frame', 'Frame of the images', read_only=True)
+    camera_info_url: str = option('', 'Calibration: file://, package:// or a path', read_only=True)
 
 
 @dataclass(frozen=True)
 class RightOptions:
     """The right camera."""
 
-    device: str = _fixed('/dev/video2', 'As left.device')
-    frame_id: str = _fixed('right_camera_optical_frame', 'Frame of the images')
-    camera_info_url: str = _fixed('', 'Calibration: file://, package:// or a path')
+    device: str = option('/dev/video2', 'As left.device', read_only=True)
+    frame_id: str = option('right_camera_optical_frame', 'Frame of the images', read_only=True)
+    camera_info_url: str = option('', 'Calibration: file://, package:// or a path', read_only=True)
 
 
 @dataclass(frozen=True)
@@ -49,37 +42,52 @@ class CaptureOptions:
 
     left: LeftOptions = field(default_factory=LeftOptions)
     right: RightOptions = field(default_factory=RightOptions)
-    side_by_side: bool = _fixed(
-        False, 'left.device sends both views in one image, the left one on its left'
+    side_by_side: bool = option(
+        False,
+        'left.device sends both views in one image, the left one on its left',
+        read_only=True,
     )
-    pixel_format: str = _fixed('MJPG', "Four letters as the driver's: MJPG is passed through")
-    width: int = _fixed(1280, 'Of the image as the camera sends it', 'px', range=(1, 16384))
-    height: int = _fixed(720, 'Of the image as the camera sends it', 'px', range=(1, 16384))
-    frame_rate: float = _fixed(
-        30.0, 'The driver takes the nearest it has; 0 leaves it alone', '1/s', range=(0.0, 1000.0)
+    pixel_format: str = option(
+        'MJPG', "Four letters as the driver's: MJPG is passed through", read_only=True
     )
-    frame_timeout: float = _fixed(
+    width: int = option(
+        1280, 'Of the image as the camera sends it', 'px', limits=(1, 16384), read_only=True
+    )
+    height: int = option(
+        720, 'Of the image as the camera sends it', 'px', limits=(1, 16384), read_only=True
+    )
+    frame_rate: float = option(
+        30.0,
+        'The driver takes the nearest it has; 0 leaves it alone',
+        '1/s',
+        limits=(0.0, 1000.0),
+        read_only=True,
+    )
+    frame_timeout: float = option(
         1.0,
         'Without a good frame for so long, a camera counts as frozen and is opened again',
         's',
-        range=(0.05, 60.0),
+        limits=(0.05, 60.0),
+        read_only=True,
     )
-    usb_reset: bool = _fixed(
-        False, 'Reset a camera on the USB bus when opening it again has not helped three times'
+    usb_reset: bool = option(
+        False,
+        'Reset a camera on the USB bus when opening it again has not helped three times',
+        read_only=True,
     )
-    timestamp_offset: float = _option(
+    timestamp_offset: float = option(
         0.0,
         "Added to every stamp; negative to go from the frame's arrival to its exposure",
         's',
-        range=(-10.0, 10.0),
+        limits=(-10.0, 10.0),
     )
-    pair_tolerance: float = _option(
+    pair_tolerance: float = option(
         0.0,
         'Largest difference between the stamps of a pair; 0 takes half a frame period',
         's',
-        range=(0.0, 1.0),
+        limits=(0.0, 1.0),
     )
-    lock_exposure: bool = _option(
+    lock_exposure: bool = option(
         False, "Keep the right camera's exposure and gain equal to the left's"
     )
 

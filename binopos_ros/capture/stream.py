@@ -10,9 +10,8 @@ from __future__ import annotations
 import array
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from binopos_ros.capture import kernel as v4l2
@@ -47,7 +46,7 @@ class Frame:
     corrupt: bool
 
 
-class Stream:
+class Stream(AbstractContextManager['Stream'], Iterator[Frame]):
     """A device that streams. Made by `Device.stream`; use it in a `with`.
 
     :raises CaptureError: where the device is gone, busy, frozen or broken.
@@ -69,19 +68,8 @@ class Stream:
             self.close()
             raise broken(error, 'start streaming', device.path) from error
 
-    def __enter__(self) -> Stream:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
-
-    def __iter__(self) -> Iterator[Frame]:
-        return self
 
     def __next__(self) -> Frame:
         if not self._open:

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
 from binopos_ros.capture import controls as _controls
@@ -80,7 +80,7 @@ class Format:
     frame_rate: float
 
 
-class Device:
+class Device(AbstractContextManager['Device']):
     """A camera's device node, open.
 
     :raises CaptureError: where it is missing, busy, forbidden, or no camera.
@@ -100,15 +100,7 @@ class Device:
             self.close()
             raise
 
-    def __enter__(self) -> Device:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import partial
 
 from rclpy.publisher import Publisher
@@ -34,7 +35,7 @@ from binopos_ros.detection.images import decode_jpeg
 from binopos_ros.nodes.camera_controls import ControlParameters
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.messages import header
-from binopos_ros.nodes.shell import RCLError, StageNode
+from binopos_ros.nodes.shell import StageNode
 from binopos_ros.optics.camera_info import CameraInfo as Calibration
 
 WATCH_PERIOD = 0.2
@@ -130,15 +131,8 @@ class CameraNode(StageNode):
         except DetectionError:
             self._count_fault(source, 'JPEG does not decode')
             return
-        try:
-            for side, message in zip(
-                SIDES if source == BOTH else (source,), messages, strict=True
-            ):
-                self._publish(side, message, stamp)
-        except RCLError:
-            # The context may be shut down by a signal between two frames.
-            if self.context.ok():
-                raise
+        for side, message in zip(SIDES if source == BOTH else (source,), messages, strict=True):
+            self._publish(side, message, stamp)
 
     def _publish(self, side: str, message: CompressedImage | Image, stamp: int) -> None:
         message.header = header(stamp, self._frame_ids[side])
@@ -304,7 +298,6 @@ def _split_messages(data: memoryview, form: Format) -> list[Image]:
 
 
 def _info_message(calibration: Calibration) -> CameraInfo:
-    roi = calibration.roi
     return CameraInfo(
         width=calibration.width,
         height=calibration.height,
@@ -315,11 +308,5 @@ def _info_message(calibration: Calibration) -> CameraInfo:
         p=list(calibration.p),
         binning_x=calibration.binning[0],
         binning_y=calibration.binning[1],
-        roi=RegionOfInterest(
-            x_offset=roi.x_offset,
-            y_offset=roi.y_offset,
-            height=roi.height,
-            width=roi.width,
-            do_rectify=roi.do_rectify,
-        ),
+        roi=RegionOfInterest(**asdict(calibration.roi)),
     )
