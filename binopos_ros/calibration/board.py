@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -67,7 +68,13 @@ class Board:
                     f'ChArUco marker of {self.marker} m in squares of {self.square} m: give the '
                     "marker's side in metres, smaller than the square"
                 )
-            if not hasattr(cv2.aruco, self.dictionary):
+            aruco: Any = getattr(cv2, 'aruco', None)
+            if not (hasattr(aruco, 'CharucoDetector') or hasattr(aruco, 'CharucoBoard_create')):
+                raise CalibrationError(
+                    f'this OpenCV ({cv2.__version__}) has no ChArUco: install '
+                    'opencv-contrib-python-headless or any OpenCV from 4.7 on'
+                )
+            if not hasattr(aruco, self.dictionary):
                 raise CalibrationError(
                     f'ChArUco dictionary {self.dictionary!r} is unknown: as in cv2.aruco, for '
                     'instance DICT_5X5_100'

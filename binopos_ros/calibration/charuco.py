@@ -49,13 +49,8 @@ def _printed(board: Board) -> Any:
         printed = aruco.CharucoBoard(size, board.square, board.marker, _dictionary(board))
         printed.setLegacyPattern(board.legacy)
         return printed
-    if hasattr(aruco, 'CharucoBoard_create'):
-        return aruco.CharucoBoard_create(
-            board.columns, board.rows, board.square, board.marker, _dictionary(board)
-        )
-    raise CalibrationError(
-        f'this OpenCV ({cv2.__version__}) has no ChArUco: install opencv-contrib-python-headless '
-        'or any OpenCV from 4.7 on'
+    return aruco.CharucoBoard_create(
+        board.columns, board.rows, board.square, board.marker, _dictionary(board)
     )
 
 

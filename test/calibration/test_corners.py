@@ -17,6 +17,9 @@ from binopos_ros.calibration.views import BoardPair
 
 OVERSAMPLING = 4
 HOMOGRAPHY = np.array([[9.0, 1.2, 180.0], [-0.7, 8.6, 140.0], [0.0012, 0.0007, 1.0]])
+needs_charuco = pytest.mark.skipif(
+    not hasattr(cv2, 'aruco'), reason='this OpenCV is older than 4.7 and has no contrib modules'
+)
 
 
 def rendered(texture: np.ndarray, per_unit: float, margin: float) -> np.ndarray:
@@ -101,6 +104,7 @@ def test_circle_centres_of_a_rendered_picture(kind: str) -> None:
     assert error.max() < 0.2
 
 
+@needs_charuco
 def test_charuco_corners_of_a_rendered_picture() -> None:
     board = Board('charuco', 7, 5, 5.0 / 1000, 3.5 / 1000, 'DICT_4X4_50')
     texture = charuco.draw(board, 100)
@@ -112,6 +116,7 @@ def test_charuco_corners_of_a_rendered_picture() -> None:
     assert np.sqrt(np.mean((view.pixels - expected) ** 2)) < 0.1
 
 
+@needs_charuco
 def test_charuco_of_the_tutorial_and_its_mirror_image(samples: Path) -> None:
     picture = cv2.imread(str(samples / 'aruco' / 'choriginal.jpg'))
     board = Board('charuco', 5, 7, 0.04, 0.02, 'DICT_6X6_250')
@@ -122,6 +127,7 @@ def test_charuco_of_the_tutorial_and_its_mirror_image(samples: Path) -> None:
         find_board(np.ascontiguousarray(picture[:, ::-1]), board)
 
 
+@needs_charuco
 def test_partly_covered_charuco_is_used(samples: Path) -> None:
     picture = cv2.imread(str(samples / 'aruco' / 'choriginal.jpg'))
     board = Board('charuco', 5, 7, 0.04, 0.02, 'DICT_6X6_250')
@@ -150,7 +156,8 @@ def test_a_picture_without_a_board_gives_none() -> None:
     noise = np.random.default_rng(0).integers(0, 255, (240, 320), dtype=np.uint8)
     for kind in ('chessboard', 'circles', 'asymmetric-circles'):
         assert find_board(noise, Board(kind, 9, 6, 0.02)) is None
-    assert find_board(noise, Board('charuco', 9, 6, 0.02, 0.01)) is None
+    if hasattr(cv2, 'aruco'):
+        assert find_board(noise, Board('charuco', 9, 6, 0.02, 0.01)) is None
 
 
 def test_another_board_is_named(samples: Path) -> None:
@@ -168,12 +175,18 @@ def test_another_board_is_named(samples: Path) -> None:
         (('chessboard', 2, 6, 0.02), 'too small'),
         (('checker', 9, 6, 0.02), 'choose one of'),
         (('charuco', 9, 6, 0.02, 0.03), 'smaller than the square'),
-        (('charuco', 9, 6, 0.02, 0.01, 'DICT_X'), 'unknown'),
+        pytest.param(('charuco', 9, 6, 0.02, 0.01, 'DICT_X'), 'unknown', marks=needs_charuco),
     ],
 )
 def test_impossible_boards_are_refused(board: tuple, line: str) -> None:
     with pytest.raises(CalibrationError, match=line):
         Board(*board)
+
+
+def test_charuco_without_opencvs_part_for_it_is_one_line(monkeypatch) -> None:
+    monkeypatch.delattr(cv2, 'aruco', raising=False)
+    with pytest.raises(CalibrationError, match='install opencv-contrib-python-headless'):
+        Board('charuco', 9, 6, 0.02, 0.01)
 
 
 @pytest.mark.parametrize('text', ['9', '9x', 'ax6', '9*6', ''])

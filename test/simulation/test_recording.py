@@ -219,8 +219,18 @@ def test_the_bag_in_the_repository_is_the_preset_s(project: Path) -> None:
     with BagReader(kept) as reader:
         poses = [reader.decode(item) for item in reader.messages(['/stereo/truth/pose'])]
         assert reader.topics['/stereo/left/image_raw/compressed'].count == 150
-        calibration = next(iter(reader.messages(['/stereo/right/camera_info'])))
-        info = messages.read_camera_info_message(reader.decode(calibration), 'right')
+        infos = [
+            messages.read_camera_info_message(
+                reader.decode(next(iter(reader.messages([f'/stereo/{side}/camera_info'])))), side
+            )
+            for side in ('left', 'right')
+        ]
     found = np.array([messages.position_of(pose) for pose in poses])
     np.testing.assert_allclose(found, scene.path.poses(scene.times(150))[0], atol=1e-12)
-    np.testing.assert_allclose(info.p, camera_infos(scene.rig)[1].p, atol=1e-6)
+    # Not P itself: OpenCV's choice of the rectified focal length differs by version.
+    for mine, theirs in zip(
+        stereo_from_camera_infos(*infos)[2:],
+        stereo_from_camera_infos(*camera_infos(scene.rig))[2:],
+        strict=True,
+    ):
+        np.testing.assert_allclose(mine, theirs, atol=1e-9)
