@@ -9,7 +9,8 @@ quick.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -25,20 +26,20 @@ Window = tuple[int, int, int, int]
 SEARCH_WIDTH = 320
 SHAPE_SIZE = 10
 MAX_SEEDS = 16
+MOST_CUTS = 5
 LEAST_SIDE = 3
 NOISE_STEP = 3
 NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
-@dataclass(frozen=True)
-class _Patch:
-    """A patch in pixels of a reduced map."""
+class _Patch(NamedTuple):
+    """A patch in pixels of a reduced map, with the part of the map that it was judged by."""
 
     box: Window
+    near: Window
     mask: npt.NDArray[np.uint8]
     inside: float
     outside: float
-    cut: bool
 
 
 def search_factor(frame: Frame) -> int:
@@ -50,16 +51,13 @@ def search_factor(frame: Frame) -> int:
     return factor
 
 
-def find(frame: Frame, window: Window, options: DetectorOptions) -> tuple[list[Candidate], float]:
-    """Find the candidates in a window, the best first, and the contrast that was asked of them.
+def find(frame: Frame, options: DetectorOptions) -> tuple[list[Candidate], float]:
+    """Find the candidates in a frame, the best first, and the contrast that was asked of them.
 
     Those refused bear their reason; the first without one is the target.
     """
     factor = search_factor(frame)
-    x0, y0 = window[0] // factor * factor, window[1] // factor * factor
-    x1 = min(-(-window[2] // factor) * factor, frame.width)
-    y1 = min(-(-window[3] // factor) * factor, frame.height)
-    shades = redness(frame.reduced(factor, x0, y0, x1, y1))
+    shades = redness(frame.reduced(factor, 0, 0, frame.width, frame.height))
     threshold = max(options.min_contrast, options.noise_factor * _noise(shades))
     candidates: list[Candidate] = []
     if min(shades.shape) < LEAST_SIDE:
@@ -68,7 +66,7 @@ def find(frame: Frame, window: Window, options: DetectorOptions) -> tuple[list[C
         patch = _outlined(shades, column, row, size)
         if patch is None:
             continue
-        candidate = _described(frame, patch, factor, (x0, y0), threshold, options)
+        candidate = _described(frame, patch, factor, (0, 0), threshold, options)
         if candidate is None or any(_same(candidate, other) for other in candidates):
             continue
         candidates.append(candidate)
@@ -76,6 +74,48 @@ def find(frame: Frame, window: Window, options: DetectorOptions) -> tuple[list[C
     if options.mirror_above:
         candidates = _without_mirror_images(candidates)
     return candidates, threshold
+
+
+def follow(
+    frame: Frame,
+    place: tuple[float, float],
+    diameter: float,
+    slack: float,
+    options: DetectorOptions,
+) -> tuple[Candidate | None, float]:
+    """Find the patch at a place, px, or within `slack` px of it, and the contrast asked of it.
+
+    Where the patch is the one that `find` would find, its outline is the same to the last digit:
+    the blocks are the same, and a patch that the window does not show with all that it is judged
+    by is none.
+    """
+    factor = search_factor(frame)
+    # As much as `_settled` looks at about a patch of that diameter.
+    reach = diameter * (1 / 2 + 1 / 8) + 3 * factor + max(slack, 2 * factor)
+    u, v = place
+    x0, y0 = (max(int((each - reach) // factor), 0) for each in place)
+    x1 = min(int((u + reach) // factor) + 1, frame.width // factor)
+    y1 = min(int((v + reach) // factor) + 1, frame.height // factor)
+    if min(x1 - x0, y1 - y0) < LEAST_SIDE:
+        return None, options.min_contrast
+    shades = redness(frame.reduced(factor, *(each * factor for each in (x0, y0, x1, y1))))
+    threshold = max(options.min_contrast, options.noise_factor * _noise(shades))
+    size = int(diameter / factor / 2) | 1
+    smooth = cv2.blur(shades, (size, size))
+    column, row = int(u / factor) - x0, int(v / factor) - y0
+    outside = _median(_frame_of(shades))
+    if not (
+        0 <= column < x1 - x0
+        and 0 <= row < y1 - y0
+        and min(smooth[row, column], shades[row, column]) - outside > threshold
+    ):
+        column, row = cv2.minMaxLoc(smooth)[3]
+    patch = _settled(shades, column, row, float(smooth[row, column]), outside)
+    whole = (-x0, -y0, frame.width // factor - x0, frame.height // factor - y0)
+    if patch is None or _reaches_over(patch.near, (0, 0, x1 - x0, y1 - y0), whole):
+        return None, threshold
+    origin = (x0 * factor, y0 * factor)
+    return _described(frame, patch, factor, origin, threshold, options), threshold
 
 
 def _noise(shades: Map) -> float:
@@ -115,67 +155,69 @@ def _seeds(shades: Map, threshold: float) -> list[tuple[int, int, int]]:
 def _outlined(shades: Map, column: int, row: int, size: int) -> _Patch | None:
     """The patch about a pixel, cut half-way between its redness and its surroundings'."""
     height, width = shades.shape
+    whole = (0, 0, width, height)
     half = size + 2
     for _ in range(6):
         x0, y0 = max(column - half, 0), max(row - half, 0)
         x1, y1 = min(column + half + 1, width), min(row + half + 1, height)
         part = shades[y0:y1, x0:x1]
         reach = size // 2
-        inside = float(
-            shades[
-                max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
-            ].mean()
-        )
-        outside = _median(_frame_of(part))
+        square = shades[
+            max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
+        ]
+        inside, outside = cv2.mean(square)[0], _median(_frame_of(part))
         patch = _settled(part, column - x0, row - y0, inside, outside)
         if patch is None:
             return None
-        bx0, by0, bx1, by1 = patch.box
-        grows = (
-            (bx0 == 0 and x0 > 0)
-            or (by0 == 0 and y0 > 0)
-            or (bx1 == x1 - x0 and x1 < width)
-            or (by1 == y1 - y0 and y1 < height)
+        box, near = (
+            (left + x0, top + y0, right + x0, bottom + y0)
+            for left, top, right, bottom in (patch.box, patch.near)
         )
-        box = (bx0 + x0, by0 + y0, bx1 + x0, by1 + y0)
-        if not grows:
-            cut = box[0] == 0 or box[1] == 0 or box[2] == width or box[3] == height
-            return replace(patch, box=box, cut=cut)
+        if not _reaches_over(near, (x0, y0, x1, y1), whole):
+            return patch._replace(box=box, near=near)
         half *= 2
     return None
 
 
+def _reaches_over(near: Window, part: Window, whole: Window) -> bool:
+    """Whether a part of the whole shows less of it than what is near."""
+    return (
+        max(near[0], whole[0]) < part[0]
+        or max(near[1], whole[1]) < part[1]
+        or min(near[2], whole[2]) > part[2]
+        or min(near[3], whole[3]) > part[3]
+    )
+
+
 def _settled(part: Map, column: int, row: int, inside: float, outside: float) -> _Patch | None:
-    """Cut, take the means on both sides, and cut again until the patch stays as it is."""
-    mask = None
-    box = (0, 0, 0, 0)
-    for _ in range(5):
-        level = (inside + outside) / 2
-        above = (part > level).view(np.uint8)
+    """Cut, take the means on both sides, and cut again until the patch stays as it is.
+
+    Where it ends depends on the pixels near the patch alone.
+    """
+    area, patch = 0, None
+    for _ in range(MOST_CUTS):
+        above = (part > (inside + outside) / 2).view(np.uint8)
         if not above[row, column]:
             return None
-        cv2.floodFill(above, None, (column, row), 2)
-        cut = (above == 2).view(np.uint8)
-        if mask is not None and np.array_equal(cut, mask):
+        size, *_, (x, y, w, h) = cv2.floodFill(above, None, (column, row), 2)
+        # A patch lies within the one that is cut lower, so the same size is the same patch.
+        if size == area:
             break
-        mask = cut
-        bx, by, bw, bh = cv2.boundingRect(mask)
-        box = (bx, by, bx + bw, by + bh)
-        margin = 2 + max(bw, bh) // 4
-        near = (
-            slice(max(by - margin, 0), by + bh + margin),
-            slice(max(bx - margin, 0), bx + bw + margin),
-        )
-        grown = cv2.dilate(mask, NEIGHBOURS)
-        around = part[near][grown[near] == 0]
+        area = size
+        margin = 2 + max(w, h) // 8
+        near = (x - margin, y - margin, x + w + margin, y + h + margin)
+        left, top = max(near[0], 0), max(near[1], 0)
+        seen = part[top : near[3], left : near[2]]
+        mask = (above[top : near[3], left : near[2]] == 2).view(np.uint8)
+        around = seen[cv2.dilate(mask, NEIGHBOURS) == 0]
         if around.size < 4:
             return None
         core = cv2.erode(mask, NEIGHBOURS, borderValue=0)
-        inside = cv2.mean(part, core if core.any() else mask)[0]
+        inside = cv2.mean(seen, core if cv2.countNonZero(core) else mask)[0]
         outside = _median(around)
-    if mask is None:
-        return None
-    return _Patch(box, mask[box[1] : box[3], box[0] : box[2]], inside, outside, False)
+        inner = mask[y - top : y - top + h, x - left : x - left + w]
+        patch = _Patch((x, y, x + w, y + h), near, inner, inside, outside)
+    return patch
 
 
 def _frame_of(part: Map) -> Map:
@@ -205,9 +247,8 @@ def _described(
             min((y1 + margin) * factor + origin[1], frame.height),
         )
         shades = np.asarray(cv2.blur(redness(frame.reduced(finer, *wide)), (3, 3)), np.float32)
-        seen = patch.mask.astype(bool)
-        rows, columns = np.nonzero(seen)
-        k = int(np.argmin(np.hypot(rows - rows.mean(), columns - columns.mean())))
+        rows, columns = np.nonzero(patch.mask)
+        k = int(np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2))
         column = ((x0 + columns[k] + 0.5) * factor + origin[0] - wide[0]) / finer
         row = ((y0 + rows[k] + 0.5) * factor + origin[1] - wide[1]) / finer
         column = min(int(column), shades.shape[1] - 1)
@@ -238,17 +279,19 @@ def _shape(patch: _Patch, factor: int, origin: tuple[int, int]) -> tuple[Ellipse
     u, v = m['m10'] / area, m['m01'] / area
     uu, vv, uv = m['mu20'] / area + 1 / 12, m['mu02'] / area + 1 / 12, m['mu11'] / area
     height, width = patch.mask.shape
-    x, y = np.arange(width) - u, np.arange(height) - v
+    x, y = np.arange(-u, width - u - 0.5), np.arange(-v, height - v - 0.5)[:, None]
     determinant = uu * vv - uv * uv
     a, b, d = (each / (4 * determinant) for each in (vv, -uv, uu))
-    ellipse = (a * x * x + (d * y * y)[:, None] + (2 * b * y)[:, None] * x) < 1
-    filled = patch.mask > 0
+    ellipse = ((a * x + 2 * b * y) * x < 1 - d * y * y).view(np.uint8)
     # The ellipse reaches beyond the patch's box where the two differ; its area does not show that.
-    full = 4 * np.pi * math.sqrt(determinant)
-    both = np.count_nonzero(ellipse & filled)
-    fit = both / (max(full, float(np.count_nonzero(ellipse))) + area - both)
-    centre = np.array([patch.box[0] + u + 0.5, patch.box[1] + v + 0.5]) * factor - 0.5 + origin
-    return Ellipse(centre, np.array([[uu, uv], [uv, vv]]) * factor**2), fit
+    full = max(4 * math.pi * math.sqrt(determinant), cv2.countNonZero(ellipse))
+    both = cv2.countNonZero(ellipse & patch.mask)
+    fit = both / (full + area - both)
+    centre = [
+        (patch.box[k] + each + 0.5) * factor - 0.5 + origin[k] for k, each in enumerate((u, v))
+    ]
+    moments = np.array([[uu, uv], [uv, vv]]) * factor**2
+    return Ellipse(np.array(centre), moments), fit
 
 
 def _judged(

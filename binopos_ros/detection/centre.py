@@ -15,8 +15,8 @@ import numpy as np
 from .edge import BAND, EdgeFit, Measured
 from .errors import DetectionError
 from .images import Frame
-from .target import Array, Ellipse
-from .window import Grid, Window
+from .target import Ellipse
+from .window import Window
 
 RING = 6.0
 LEAST_CONTRAST = 3.0
@@ -52,44 +52,34 @@ def _rounded(ellipse: Ellipse) -> Ellipse:
     tilt = min(max(round(b / math.sqrt(a * d) * 32) / 32, -0.97), 0.97)
     cross = tilt * wide * high
     moments = np.array([[wide**2, cross], [cross, high**2]])
-    return Ellipse(np.round(ellipse.centre * 4) / 4, moments)
+    # Never in the middle of a pixel, where the outline's distance has no direction.
+    centre = np.array([math.floor(each * 4) / 4 + 0.125 for each in ellipse.centre.tolist()])
+    return Ellipse(centre, moments)
 
 
 def _by_moments(frame: Frame, around: Ellipse) -> Ellipse:
     """The outline from the moments of the share of each pixel that the target covers."""
     window = Window(frame, around, BAND + RING)
-    outer, inside = window.within(BAND), window.within(0, 0.7)
-    ring = window.within(BAND + RING) ^ outer
-    background = cv2.mean(window.pixels, ring.view(np.uint8))[:3]
-    colour = cv2.mean(window.pixels, inside.view(np.uint8))[:3]
-    axis = [inner - outer for inner, outer in zip(colour, background, strict=True)]
-    power = math.hypot(*axis) ** 2
+    outer = window.within(BAND)
+    background = cv2.mean(window.pixels, window.within(BAND + RING) - outer)
+    colour = cv2.mean(window.pixels, window.within(0, 0.7))
+    axis = [inner - outer for inner, outer in zip(colour[:3], background[:3], strict=True)]
+    power = sum(each * each for each in axis)
     if power < LEAST_CONTRAST**2:
         msg = 'the patch is of the same colour as its surroundings'
         raise DetectionError(msg)
-    level = sum(each * outer for each, outer in zip(axis, background, strict=True))
-    row = np.array([[*axis, -level]], np.float32) / np.float32(power)
-    share = np.asarray(cv2.transform(window.pixels, row), np.float32)
-    share[window.within(-BAND)] = 1
-    share *= outer
-    area, offset, spread = _moments(share, window.x, window.y)
-    if not (area > 4 and spread[0, 0] > 0.1 and spread[1, 1] > 0.1):
+    level = sum(each * outer for each, outer in zip(axis, background[:3], strict=True))
+    row = np.array([[each / power for each in (*axis, -level)]], np.float32)
+    share = cv2.copyTo(cv2.transform(window.pixels.astype(np.float32), row), outer)
+    np.copyto(share, 1, where=window.within(-BAND).view(np.bool_))
+    m = cv2.moments(share)
+    area = m['m00']
+    if not area > 4:
         msg = 'no area is left within the outline'
         raise DetectionError(msg)
-    if not spread[0, 0] * spread[1, 1] - spread[0, 1] ** 2 > 0.01:
+    uu, uv, vv = m['mu20'] / area, m['mu11'] / area, m['mu02'] / area
+    if not (uu > 0.1 and vv > 0.1 and uu * vv - uv * uv > 0.01):
         msg = 'the area within the outline has no width'
         raise DetectionError(msg)
-    return Ellipse(around.centre + offset, spread)
-
-
-def _moments(weights: Grid, x: Grid, y: Grid) -> tuple[float, Array, Array]:
-    """The weights' sum, centroid (2,) and second central moments (2, 2)."""
-    columns = weights.sum(0, dtype=np.float64)
-    rows = weights.sum(1, dtype=np.float64)
-    area = float(columns.sum())
-    u, v = columns @ x / area, rows @ y / area
-    cross = float(y @ weights @ x) / area - u * v
-    spread = np.array(
-        [[columns @ (x * x) / area - u * u, cross], [cross, rows @ (y * y) / area - v * v]]
-    )
-    return area, np.array([u, v]), spread
+    centre = np.array([window.left + m['m10'] / area, window.top + m['m01'] / area])
+    return Ellipse(centre, np.array([[uu, uv], [uv, vv]]))

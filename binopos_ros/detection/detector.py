@@ -8,16 +8,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from .candidates import Window, find, search_factor
+from .candidates import find, follow
 from .centre import measure
 from .errors import DetectionError
 from .images import ColourFrame, Frame, JpegImage, Picture, RawImage, decode
 from .options import DetectorOptions
 from .paper import detect_by_extremes
 from .target import Candidate, Detection, Target
-
-TRACK_REACH = 3.0
-TRACK_LEAST = 12
 
 
 class Detector:
@@ -36,11 +33,11 @@ class Detector:
             msg = f'unknown option of the detector: {error}'
             raise DetectionError(msg) from error
         self._last: Target | None = None
-        self._motion = np.zeros(2)
+        self._motion = 0.0, 0.0
 
     def reset(self) -> None:
         """Forget where the target was."""
-        self._last, self._motion = None, np.zeros(2)
+        self._last, self._motion = None, (0.0, 0.0)
 
     def detect(self, image: JpegImage | RawImage) -> Detection:
         """Find the target in an image; never raises for what the image holds."""
@@ -63,31 +60,27 @@ class Detector:
         options = self.options
         if options.method == 'paper':
             return detect_by_extremes(frame, options.paper_red, options.paper_green)
-        window = self._predicted(frame)
-        if window is not None:
-            detection = _measured(frame, window, options)
+        if self._last is not None and options.track:
+            detection = self._followed(frame, self._last)
             if detection.target is not None:
-                return replace(detection, tracked=True)
-        return _measured(frame, (0, 0, frame.width, frame.height), options)
+                return detection
+        return _measured(frame, *find(frame, options))
 
-    def _predicted(self, frame: Frame) -> Window | None:
-        """The window in which to look for the target, or None where it is lost."""
-        if self._last is None or not self.options.track:
-            return None
-        centre = self._last.centre + self._motion
-        least = TRACK_LEAST * search_factor(frame)
-        reach = max(TRACK_REACH * self._last.diameter / 2, least) + np.abs(self._motion)
-        low = np.maximum(centre - reach, 0).astype(int)
-        high = np.minimum(centre + reach + 1, (frame.width, frame.height)).astype(int)
-        if (high - low).min() < 16:
-            return None
-        return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+    def _followed(self, frame: Frame, last: Target) -> Detection:
+        """Look for the target where it should be by now."""
+        (u, v), (du, dv) = last.centre.tolist(), self._motion
+        slack = last.diameter / 4 + max(abs(du), abs(dv)) / 2
+        candidate, threshold = follow(frame, (u + du, v + dv), last.diameter, slack, self.options)
+        candidates = [] if candidate is None else [candidate]
+        return replace(_measured(frame, candidates, threshold), tracked=True)
 
     def _remember(self, target: Target | None) -> None:
         if target is None:
             self.reset()
             return
-        self._motion = np.zeros(2) if self._last is None else target.centre - self._last.centre
+        if self._last is not None:
+            (u, v), (last_u, last_v) = target.centre.tolist(), self._last.centre.tolist()
+            self._motion = u - last_u, v - last_v
         self._last = target
 
 
@@ -104,8 +97,7 @@ def detect(image_bgr: Picture, **options: Any) -> Target | None:
     return Detector(**options).detect_in(ColourFrame(pixels)).target
 
 
-def _measured(frame: Frame, window: Window, options: DetectorOptions) -> Detection:
-    candidates, threshold = find(frame, window, options)
+def _measured(frame: Frame, candidates: list[Candidate], threshold: float) -> Detection:
     checked: list[Candidate] = []
     for k, each in enumerate(candidates):
         if each.reason:

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from .errors import DetectionError
-from .images import Frame
+from .images import Frame, Picture
 from .target import Ellipse
 
 Grid = npt.NDArray[np.float32]
-Mask = npt.NDArray[np.bool_]
+Mask = npt.NDArray[np.uint8]
+
+SUBPIXEL_BITS = 4
+DRAWN = 0.45
+"""px by which OpenCV fills an ellipse too wide: it colours the pixels that the outline touches."""
 
 
 class Window:
-    """The pixels up to a margin around an outline, with coordinates from its centre.
+    """The pixels up to a margin around an outline.
 
-    pixels is (rows, columns, 3) float32, x (columns,) and y (rows,) px. Raises DetectionError
-    where the outline lies outside of the image.
+    pixels is (rows, columns, 3) uint8, (left, top) its upper-left pixel in the image. Raises
+    DetectionError where the outline lies outside of the image.
     """
 
     def __init__(self, frame: Frame, around: Ellipse, margin: float) -> None:
@@ -32,23 +37,23 @@ class Window:
         if right - left < 4 or bottom - top < 4:
             msg = 'the outline lies outside of the image'
             raise DetectionError(msg)
-        self.pixels: Grid = frame.window(left, top, right, bottom).astype(np.float32)
-        self.x: Grid = np.arange(left, right, dtype=np.float32) - np.float32(u)
-        self.y: Grid = np.arange(top, bottom, dtype=np.float32) - np.float32(v)
+        self.pixels: Picture = frame.window(left, top, right, bottom)
+        self.left, self.top = left, top
+        scale = 1 << SUBPIXEL_BITS
+        self._centre = round((u - left) * scale), round((v - top) * scale)
         self._semi_axes = around.semi_axes
-        angle = around.angle
-        self._cosine, self._sine = math.cos(angle), math.sin(angle)
+        self._degrees = math.degrees(around.angle)
 
     def within(self, margin: float, scale: float = 1.0) -> Mask:
-        """The pixels within the outline, its semi-axes times `scale` plus `margin` px."""
+        """1 for the pixels within the outline, its semi-axes times `scale` plus `margin` px."""
+        mask: Mask = np.zeros(self.pixels.shape[:2], np.uint8)
         major, minor = (axis * scale + margin for axis in self._semi_axes)
-        if minor <= 0.5:
-            return np.zeros((self.y.size, self.x.size), bool)
-        along, across = 1 / major**2, 1 / minor**2
-        c, s = self._cosine, self._sine
-        a = np.float32(along * c * c + across * s * s)
-        b = np.float32(2 * (along - across) * c * s)
-        d = np.float32(along * s * s + across * c * c)
-        x, y = self.x, self.y
-        inside: Mask = a * (x * x) + np.outer(b * y, x) < (1 - d * (y * y))[:, None]
-        return inside
+        major, minor = major - DRAWN, minor - DRAWN
+        if minor > 0:
+            unit = 1 << SUBPIXEL_BITS
+            axes = round(major * unit), round(minor * unit)
+            # Drawing takes a fifth of the time of comparing distances, pixel by pixel.
+            cv2.ellipse(
+                mask, self._centre, axes, self._degrees, 0, 360, 1, cv2.FILLED, 8, SUBPIXEL_BITS
+            )
+        return mask
