@@ -67,6 +67,8 @@ class Adjustment:
         sigma: standard deviation of a pixel coordinate (px).
         residuals: per view and camera (N, 2), measured minus computed (px), nan where not seen.
         inliers: per view and camera (N,).
+        variance_factor: by which the pictures' part of the covariance is wider than that of
+            independent points (see `noise`).
     """
 
     state: RigState
@@ -76,6 +78,12 @@ class Adjustment:
     sigma: float
     residuals: tuple[tuple[np.ndarray, ...], ...]
     inliers: tuple[tuple[np.ndarray, ...], ...]
+    variance_factor: float = 1.0
+
+    @property
+    def effective_sigma(self) -> float:
+        """Standard deviation (px) of independent points that would tell as much."""
+        return self.sigma * float(np.sqrt(self.variance_factor))
 
     def deviation(self, name: str) -> float:
         """The standard deviation of one parameter."""
@@ -184,6 +192,22 @@ def view_information(
     """(F, F) what one view, its pose unknown, tells about the free parameters of the rig."""
     batch = _Batch([view], len(state.cameras))
     return _reduced(batch.normal(state, [pose], free, np.ones(batch.count), sigma, None))[0]
+
+
+def view_score(
+    state: RigState,
+    pose: Pose,
+    view: View,
+    free: np.ndarray,
+    sigma: float,
+    inliers: tuple[np.ndarray, ...],
+) -> tuple[np.ndarray, np.ndarray]:
+    """(F, F) what one view tells about the free parameters, and (F,) whither it pulls them."""
+    batch = _Batch([view], len(state.cameras))
+    weights = np.concatenate(
+        [own[rows] for own, rows in zip(inliers, batch.rows, strict=True)]
+    ).astype(float)
+    return _reduced(batch.normal(state, [pose], free, weights, sigma, None))[:2]
 
 
 class _Batch:

@@ -23,6 +23,7 @@ from binopos_ros.calibration.guesses import (
     unknowns,
     with_known_ports,
 )
+from binopos_ros.calibration.noise import widened
 from binopos_ros.calibration.start import other_pose, straight_poses, sunk
 from binopos_ros.calibration.state import (
     LEFT,
@@ -115,6 +116,8 @@ def calibrate_interface(
         fit = _turn_boards(fit, views, prior, sigma)
     if not free_cameras:
         _refuse_misfit(fit, air, views, guesses, air_covariance)
+    if sigma is None:
+        fit = widened(fit, views, prior)
     return InterfaceCalibration(
         fit.state,
         fit.covariance,

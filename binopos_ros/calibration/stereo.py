@@ -19,6 +19,7 @@ from binopos_ros.calibration.camera import (
 )
 from binopos_ros.calibration.corners import upright_like
 from binopos_ros.calibration.errors import CalibrationError
+from binopos_ros.calibration.noise import widened
 from binopos_ros.calibration.pairing import FEWEST_PAIRS, consensus, explain
 from binopos_ros.calibration.projection import Pose
 from binopos_ros.calibration.start import guess_pose
@@ -116,6 +117,8 @@ def calibrate_stereo(
     lenses = (adequacy(fit, views, LEFT), adequacy(fit, views, RIGHT))
     held_out = cross_validate(fit, views)
     fit, held_out, choice = _choose_lens(fit, views, lenses, held_out)
+    # A rational lens's prior tells next to nothing: it only keeps the terms from running away.
+    fit = widened(fit, views)
     return StereoCalibration(fit, board, tuple(views), tuple(dropped), lenses, held_out, choice)
 
 

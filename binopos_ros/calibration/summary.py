@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from binopos_ros.calibration.adjust import Adjustment
 from binopos_ros.calibration.interface import InterfaceCalibration
 from binopos_ros.calibration.state import LEFT, RIGHT, SIDES, TARGET_INDEX
 from binopos_ros.calibration.stereo import StereoCalibration
@@ -40,6 +41,7 @@ def summarise_stereo(calibration: StereoCalibration) -> str:
     rows += [
         ('baseline', f'{baseline:.2f} mm (+- {spread:.2f})'),
         ('reprojection RMS', f'{fit.rms():.3f} px'),
+        ('corner noise', _noise(fit)),
         ('held-out RMS, board posed by both', f'{held_out.rms:.3f} px'),
         ('held-out RMS, posed by the left alone', f'{held_out.transfer:.3f} px'),
     ]
@@ -53,6 +55,7 @@ def summarise_interface(calibration: InterfaceCalibration) -> str:
         rows += [
             ('views used', str(len(calibration.views))),
             ('reprojection RMS', f'{calibration.adjustment.rms():.3f} px'),
+            ('corner noise', _noise(calibration.adjustment)),
         ]
     rows += [(TARGET_INDEX, f'{calibration.state.target_index:.5f}')]
     for place, interface in calibration.state.interfaces.items():
@@ -67,6 +70,15 @@ def summarise_interface(calibration: InterfaceCalibration) -> str:
     words = [f'  {verdict.text}' for verdict in verdicts(calibration)]
     table = _table(rows) + _dropped(calibration.dropped)
     return '\n'.join([table, *words, f'Next: {advice(calibration)}'])
+
+
+def _noise(fit: Adjustment) -> str:
+    """The points' noise, and whether the points of a view err alike."""
+    words = f'{fit.sigma:.3f} px in a coordinate'
+    if fit.variance_factor > 1.0:
+        times = fit.effective_sigma / fit.sigma
+        return f'{words}, alike within a view: what is stated is {times:.1f} times as wide for it'
+    return f'{words}, independent from point to point'
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> str:

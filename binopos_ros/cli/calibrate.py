@@ -60,7 +60,7 @@ def _stereo(arguments: argparse.Namespace) -> int:
 
     def solve(pairs: Sequence[BoardPair], sizes: Sizes) -> Solution:
         fit = calibrate_stereo(pairs, board, sizes).adjustment
-        return Solution(fit.state, fit.covariance, fit.free, fit.sigma, fit.poses)
+        return Solution(fit.state, fit.covariance, fit.free, fit.effective_sigma, fit.poses)
 
     pairs, sizes, unmatched = _views_of(arguments, board, solve)
     calibration = calibrate_stereo(pairs, board, sizes, arguments.most_views)
@@ -100,7 +100,9 @@ def _interface(arguments: argparse.Namespace) -> int:
             found = calibrate_interface(air, seen, guesses, covariance)
             fit = found.adjustment
             assert fit is not None
-            return Solution(found.state, found.covariance, fit.free, fit.sigma, fit.poses)
+            return Solution(
+                found.state, found.covariance, fit.free, fit.effective_sigma, fit.poses
+            )
 
         pairs, sizes, _ = _views_of(arguments, board, solve)
         _same_size(sizes, air)

@@ -36,6 +36,7 @@ class Outcomes:
         self.deviations: dict[str, list[float]] = {}
         self.joint: list[bool] = []
         self.ratios: list[float] = []
+        self.factors: list[float] = []
 
     def add(self, name: str, error: float, deviation: float) -> None:
         self.errors.setdefault(name, []).append(error)
@@ -67,6 +68,8 @@ def outcomes(rig_maker: Any, board_viewer: Any, guesser: Any) -> Outcomes:
             found.add(kind, error[column], result.deviation(names[column]))
         square = error[own] @ np.linalg.solve(result.covariance[np.ix_(own, own)], error[own])
         found.joint.append(bool(square < chi2.ppf(0.95, len(own))))
+        assert result.adjustment is not None
+        found.factors.append(result.adjustment.variance_factor)
         found.ratios.append(position_ratio(rig, depths, result.state, result.covariance, rng))
     return found
 
@@ -105,6 +108,10 @@ def test_stated_deviations_are_those_of_the_errors(outcomes: Outcomes, name: str
 
 def test_truth_lies_in_the_stated_region_in_95_of_100_runs(outcomes: Outcomes) -> None:
     assert 0.93 <= np.mean(outcomes.joint) <= 0.97
+
+
+def test_independent_points_are_taken_for_such(outcomes: Outcomes) -> None:
+    assert np.mean(np.array(outcomes.factors) > 1.0) < 0.05
 
 
 def test_independent_positions_reach_the_bound(outcomes: Outcomes) -> None:
