@@ -1,25 +1,15 @@
 """The refractive index of the target's medium, live, from the disagreement of two bent rays.
 
 A pair of images gives four numbers and a point takes three: one is left over, and it depends on
-the index (see `evidence.py`). It corrects a scalar Kalman state, linearised anew at each pair.
-
-Forgetting: between pairs the index is an Ornstein-Uhlenbeck process about the prior: a random walk
-of `drift` per square root of a second that the prior holds in bounds. Without data the estimate
-returns to the prior, within about 2 (prior_std / drift)^2 seconds.
-
-Errors that all pairs share (where the interface lies, where a known plane lies) do not average
-out. They are *considered* (Schmidt's filter): never estimated, but their correlation with the
-estimate is kept, so that no number of pairs makes it surer than they allow.
-
-Waves disturb neighbouring pairs alike, and pixels may be noisier than they claim: what the data
-say is discounted by how their innovations scatter (see `scatter.py`).
+the index (see `evidence.py`). It corrects a scalar Kalman state, linearised anew at each pair (see
+`following.py`).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,16 +17,17 @@ from numpy.typing import ArrayLike, NDArray
 from binopos_ros.optics import StereoRig
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
-from binopos_ros.triangulation.evidence import STEP, Clue, Evidence, gather_evidence
-from binopos_ros.triangulation.scatter import InnovationScatter
+from binopos_ros.triangulation.evidence import STEP, Evidence, gather_evidence
+from binopos_ros.triangulation.following import (
+    NOT_OBSERVABLE,
+    PAIR_STD_LIMIT,
+    FollowingOptions,
+    Trial,
+)
 
 Array = NDArray[np.float64]
 
-#: A pair that alone tells the index no better than this cannot tell water from air.
-PAIR_STD_LIMIT = 1.0
-NOT_OBSERVABLE = 'index not observable from this pair'
-OUTLIER = 'outlier: both rays disagree at any likely index'
-OFF_PLANE = 'outlier: target not in the known plane'
+DIFFERENT_POINTS = 'left and right do not see the same point'
 
 #: Shift of the index that makes the linearisation worth repeating; what is left is below 2e-5.
 _RELINEARISE = 3e-3
@@ -74,31 +65,6 @@ class IndexState:
     residuals: Array
 
 
-@dataclass(frozen=True)
-class _Belief:
-    """The index: mean, variance, and covariance (k,) with the considered parameters."""
-
-    mean: float
-    variance: float
-    shared: Array
-
-
-class _Verdict(NamedTuple):
-    """What became of a clue.
-
-    Attributes:
-        belief: after it.
-        reason: '' or why it was not used.
-        score: its normalised innovation; None where there was no clue.
-        persistent: share of the innovation's variance that does not change from pair to pair.
-    """
-
-    belief: _Belief
-    reason: str
-    score: float | None = None
-    persistent: float = 0.0
-
-
 class IndexEstimator:
     """Follows the refractive index of the target's medium from pair to pair.
 
@@ -112,6 +78,8 @@ class IndexEstimator:
             `StereoRig.parameter_names`; its row and column of target_index are not used.
         calibration_std: systematic error of the calibrated pixels, px: what is left of the
             epipolar errors when the noise is averaged out.
+        epipolar_gate: pairs that leave a larger residual than this, px, at the index known before
+            did not see one target: they tell nothing. 0: there is no such gate.
         gate: innovations beyond this many standard deviations are outliers and not used.
         huber: innovations beyond this many standard deviations weigh less (Huber's weight).
             For both, the deviation is the stated one, or what the innovations show if larger.
@@ -129,6 +97,7 @@ class IndexEstimator:
         known_plane: KnownPlane | None = None,
         parameter_covariance: ArrayLike | None = None,
         calibration_std: float = 0.0,
+        epipolar_gate: float = 0.0,
         gate: float = 4.0,
         huber: float = 2.0,
     ) -> None:
@@ -139,32 +108,38 @@ class IndexEstimator:
             if not (math.isfinite(value) and value > 0):
                 msg = f'index estimate: {name} is {value}: it must be above 0'
                 raise TriangulationError(msg)
-        for name, value in (('drift', drift), ('calibration std', calibration_std)):
+        for name, value in (
+            ('drift', drift),
+            ('calibration std', calibration_std),
+            ('epipolar gate', epipolar_gate),
+        ):
             if not (math.isfinite(value) and value >= 0):
                 msg = f'index estimate: {name} is {value}: it must be 0 or more'
                 raise TriangulationError(msg)
-        self._prior_mean, self._prior_variance = float(prior_mean), float(prior_std) ** 2
-        self._rate = drift**2 / (2.0 * self._prior_variance)
         self._plane = known_plane
-        self._gate, self._huber = gate, huber
         self._errors = _principal_errors(parameter_covariance)
         self._calibration_std = calibration_std
+        self._epipolar_gate = epipolar_gate
         # All are counted in their own deviations, but the plane's offset in metres.
         count = len(self._errors) + (4 if calibration_std > 0 else 0)
         plane = [] if known_plane is None else [known_plane.std**2]
         self._considered = np.diag([1.0] * count + plane)
+        self._options = FollowingOptions(
+            float(prior_mean),
+            float(prior_std) ** 2,
+            drift,
+            self._considered,
+            known_plane,
+            gate,
+            huber,
+        )
         self._rigs: tuple[StereoRig, StereoRig, list[StereoRig]] | None = None
         self.reset()
 
     def reset(self) -> None:
         """Forget all pairs: back to the prior."""
         self._stamp: float | None = None
-        self._restart()
-
-    def _restart(self) -> None:
-        shared = np.zeros(len(self._considered))
-        self._belief = _Belief(self._prior_mean, self._prior_variance, shared)
-        self._scatter = InnovationScatter()
+        self._trial = Trial(self._options)
 
     def update(
         self,
@@ -189,27 +164,33 @@ class IndexEstimator:
             TriangulationError, OpticsError: as `triangulate` raises them.
         """
 
-        def gather() -> Evidence:
-            assumed, changes = self._rigs_near(rig, _possible(self._belief.mean))
+        def gather(index: float) -> Evidence:
+            assumed, changes = self._rigs_near(rig, index)
             return gather_evidence(
                 assumed, left_px, right_px, left_cov, right_cov, changes, self._calibration_std
             )
 
-        prior = self._belief = self._predict(stamp)
-        evidence = gather()
+        elapsed = 0.0 if self._stamp is None else max(stamp - self._stamp, 0.0)
+        self._stamp = stamp
+        self._trial.predict(elapsed)
+        holder = self._trial.holder
+        evidence = gather(_possible(holder.told().mean))
         if evidence.reason:
             return self._state(evidence, evidence.reason)
-        verdict = self._correct(prior, evidence)
-        self._belief = verdict.belief
+        if 0.0 < self._epipolar_gate < np.abs(evidence.residuals).max():
+            return self._state(evidence, DIFFERENT_POINTS)
+        verdict = holder.weigh(evidence)
         for _ in range(_MAX_LINEARISATIONS - 1):
-            if abs(_possible(self._belief.mean) - evidence.at) <= _RELINEARISE:
+            index = _possible(holder.told(verdict.belief).mean)
+            if abs(index - evidence.at) <= _RELINEARISE:
                 break
-            nearer = gather()
+            nearer = gather(index)
             if nearer.reason:
                 break
-            evidence, verdict = nearer, self._correct(prior, nearer)
-            self._belief = verdict.belief
-        self._judge(verdict)
+            evidence, verdict = nearer, holder.weigh(nearer)
+        if self._trial.take(verdict, evidence):
+            nearer = gather(_possible(self._trial.holder.told().mean))
+            evidence = evidence if nearer.reason else nearer
         return self._state(evidence, verdict.reason)
 
     def _rigs_near(self, rig: StereoRig, index: float) -> tuple[StereoRig, list[StereoRig]]:
@@ -232,74 +213,8 @@ class IndexEstimator:
         self._rigs = rig, assumed, changes
         return assumed, changes
 
-    def _predict(self, stamp: float) -> _Belief:
-        """The index drifts: back towards the prior, and less certain."""
-        elapsed = 0.0 if self._stamp is None else max(stamp - self._stamp, 0.0)
-        self._stamp = stamp
-        keep = math.exp(-self._rate * elapsed)
-        mean = self._prior_mean + keep * (self._belief.mean - self._prior_mean)
-        lost = self._prior_variance - self._belief.variance
-        return _Belief(mean, self._prior_variance - keep**2 * lost, keep * self._belief.shared)
-
-    def _correct(self, prior: _Belief, evidence: Evidence) -> _Verdict:
-        """Return the belief after what the two rays and the known plane say."""
-        if evidence.clue.gain * PAIR_STD_LIMIT >= 1.0:
-            verdict = self._follow(prior, evidence.at, evidence.clue, OUTLIER)
-        else:
-            verdict = _Verdict(prior, NOT_OBSERVABLE)
-        if self._plane is None or verdict.reason == OUTLIER:
-            return verdict
-        held = self._follow(verdict.belief, evidence.at, self._plane.clue(evidence), OFF_PLANE)
-        if verdict.score is None or held.reason:
-            return held
-        return verdict._replace(belief=held.belief)
-
-    def _follow(self, prior: _Belief, at: float, clue: Clue, outlier: str) -> _Verdict:
-        """Schmidt's update of the belief by one clue, gated and with Huber's weight."""
-        shared = np.zeros(len(self._considered))
-        shared[: len(clue.shared)] = clue.shared
-        innovation = clue.innovation - clue.gain * (prior.mean - at)
-        cross = float(shared @ prior.shared)
-        carried = self._considered @ shared
-        spread = clue.gain * (clue.gain * prior.variance + 2.0 * cross) + float(shared @ carried)
-        score = innovation / math.sqrt(spread + 1.0)
-        usual = abs(score) / self._scatter.width
-        persistent = spread / (spread + 1.0)
-        if usual > self._gate:
-            return _Verdict(prior, outlier, score, persistent)
-        total = spread + max(1.0, usual / self._huber)
-        step = (clue.gain * prior.variance + cross) / total
-        belief = _Belief(
-            prior.mean + step * innovation,
-            prior.variance - step * step * total,
-            prior.shared - step * (clue.gain * prior.shared + carried),
-        )
-        return _Verdict(belief, '', score, persistent)
-
-    def _judge(self, verdict: _Verdict) -> None:
-        """Keep count of the scatter; start again where it says that the estimate is wrong."""
-        if verdict.score is None:
-            return
-        self._scatter.see(verdict.score)
-        if not verdict.reason:
-            self._scatter.use(verdict.score, verdict.persistent)
-        if self._scatter.lost:
-            self._restart()
-
-    def _discounted(self) -> _Belief:
-        """The belief with what the data say, beyond the prior, discounted by their scatter."""
-        belief, discount = self._belief, self._scatter.discount
-        told = 1.0 / belief.variance - 1.0 / self._prior_variance
-        if discount == 1.0 or told <= 0.0:
-            return belief
-        variance = 1.0 / (1.0 / self._prior_variance + told / discount)
-        # The data's weight in the mean, as it was and as it is now.
-        share = (1.0 - variance / self._prior_variance) / (told * belief.variance)
-        mean = self._prior_mean + share * (belief.mean - self._prior_mean)
-        return _Belief(mean, variance, share * belief.shared)
-
     def _state(self, evidence: Evidence, reason: str) -> IndexState:
-        belief, clue = self._discounted(), evidence.clue
+        belief, clue = self._trial.holder.told(), evidence.clue
         telling = clue.gain * PAIR_STD_LIMIT >= 1.0
         if self._plane is not None and reason in ('', NOT_OBSERVABLE):
             evidence = self._plane.hold(evidence)
@@ -310,7 +225,7 @@ class IndexEstimator:
         return IndexState(
             mean=mean,
             std=math.sqrt(belief.variance),
-            observed=belief.variance <= 0.5 * self._prior_variance,
+            observed=belief.variance <= 0.5 * self._options.prior_variance,
             frame_index=evidence.at + clue.innovation / clue.gain if telling else math.nan,
             frame_index_std=1.0 / clue.gain if telling else math.nan,
             reason=reason,

@@ -109,6 +109,7 @@ class IndexOptions:
         interface: FlatInterface | None,
         index: float,
         covariance: NDArray[np.float64] | None,
+        epipolar_gate: float,
     ) -> IndexEstimator | None:
         """The live estimate of the index, or None where the given one is taken for exact.
 
@@ -142,6 +143,7 @@ class IndexOptions:
             known_plane=plane,
             parameter_covariance=covariance,
             calibration_std=self.calibration_std,
+            epipolar_gate=epipolar_gate,
         )
 
 
@@ -207,7 +209,7 @@ class TriangulatorOptions:
         nearest = shared or left
         if nearest is None:
             return None
-        return self.index.estimator(shared, nearest.target_index, covariance)
+        return self.index.estimator(shared, nearest.target_index, covariance, self.epipolar_gate)
 
     def interfaces(
         self,

@@ -67,8 +67,15 @@ class InnovationScatter:
         independent ones do.
         """
         excess = self._square if self._square > LARGEST_SQUARE else 1.0
-        alike = min(self._product / self._square, MOST_CORRELATED)
-        return excess * (1.0 + alike) / (1.0 - alike) if alike > LARGEST_CORRELATION else excess
+        return excess * self.repetition(MOST_CORRELATED)
+
+    def repetition(self, most: float) -> float:
+        """How many pairs say as much as one independent pair does; at least 1.
+
+        `most` is the largest correlation that is believed.
+        """
+        alike = min(self._product / self._square, most)
+        return (1.0 + alike) / (1.0 - alike) if alike > LARGEST_CORRELATION else 1.0
 
     @property
     def lost(self) -> bool:

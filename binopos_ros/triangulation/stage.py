@@ -20,6 +20,7 @@ from binopos_ros.detection.disc import to_disc_centres
 from binopos_ros.detection.errors import DetectionError
 from binopos_ros.optics import StereoRig
 from binopos_ros.optics.camera_info import CameraInfo, stereo_from_camera_infos
+from binopos_ros.triangulation.index import DIFFERENT_POINTS
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.pairing import SIDES, Pair, PairMatcher
 from binopos_ros.triangulation.triangulate import triangulate
@@ -190,7 +191,7 @@ class Triangulator:
             point, covariance, residuals = found.points, found.covariances, found.residuals
             index = Index(rig.target_index or 1.0)
         if 0 < self._options.epipolar_gate < np.abs(residuals).max():
-            return Drop(left.stamp, 'left and right do not see the same point')
+            return Drop(left.stamp, DIFFERENT_POINTS)
         return Position(left.stamp, left.frame_id, point, covariance, index)
 
     def _centred(self, rig: StereoRig, views: _Views) -> _Views:

@@ -15,7 +15,8 @@ from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.evidence import gather_evidence
-from binopos_ros.triangulation.index import NOT_OBSERVABLE, OUTLIER, IndexEstimator
+from binopos_ros.triangulation.following import NOT_OBSERVABLE, OUTLIER
+from binopos_ros.triangulation.index import IndexEstimator
 from binopos_ros.triangulation.paper import frame_index
 
 PIXEL_STD = 0.1
