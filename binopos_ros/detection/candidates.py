@@ -16,8 +16,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from . import moments
 from .colour import Map, redness
-from .images import Frame
+from .errors import DetectionError
+from .images import Frame, Picture
 from .options import DetectorOptions
 from .target import Candidate, Ellipse
 
@@ -32,14 +34,37 @@ NOISE_STEP = 3
 NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
+class _Map(NamedTuple):
+    """A reduced map: its pixels, by what factor it is reduced, and its corner in the image, px."""
+
+    pixels: Picture
+    factor: int
+    origin: tuple[int, int]
+
+
 class _Patch(NamedTuple):
-    """A patch in pixels of a reduced map, with the part of the map that it was judged by."""
+    """A patch in pixels of a reduced map."""
 
     box: Window
-    near: Window
     mask: npt.NDArray[np.uint8]
     inside: float
     outside: float
+
+    def near(self, least: int = 0) -> Window:
+        """The part of the map that the patch is judged by, at least so far about it."""
+        x0, y0, x1, y1 = self.box
+        margin = max(_margin(x1 - x0, y1 - y0), least)
+        return x0 - margin, y0 - margin, x1 + margin, y1 + margin
+
+    def moved(self, column: int, row: int) -> _Patch:
+        """The same patch in a map whose corner lies so much farther to the upper left."""
+        x0, y0, x1, y1 = self.box
+        return self._replace(box=(x0 + column, y0 + row, x1 + column, y1 + row))
+
+
+def _margin(width: int, height: int) -> int:
+    """How far about a patch its surroundings are looked at."""
+    return 3 + max(width, height) // 8
 
 
 def search_factor(frame: Frame) -> int:
@@ -57,7 +82,8 @@ def find(frame: Frame, options: DetectorOptions) -> tuple[list[Candidate], float
     Those refused bear their reason; the first without one is the target.
     """
     factor = search_factor(frame)
-    shades = redness(frame.reduced(factor, 0, 0, frame.width, frame.height))
+    pixels = frame.reduced(factor, 0, 0, frame.width, frame.height)
+    shades = redness(pixels)
     threshold = max(options.min_contrast, options.noise_factor * _noise(shades))
     candidates: list[Candidate] = []
     if min(shades.shape) < LEAST_SIDE:
@@ -66,7 +92,8 @@ def find(frame: Frame, options: DetectorOptions) -> tuple[list[Candidate], float
         patch = _outlined(shades, column, row, size)
         if patch is None:
             continue
-        candidate = _described(frame, patch, factor, (0, 0), threshold, options)
+        seen = _Map(pixels, factor, (0, 0))
+        candidate = _described(frame, patch, seen, threshold, options)
         if candidate is None or any(_same(candidate, other) for other in candidates):
             continue
         candidates.append(candidate)
@@ -90,15 +117,17 @@ def follow(
     by is none.
     """
     factor = search_factor(frame)
-    # As much as `_settled` looks at about a patch of that diameter.
-    reach = diameter * (1 / 2 + 1 / 8) + 3 * factor + max(slack, 2 * factor)
+    # As much as is looked at about a patch of that diameter.
+    margin = max(diameter / 8 + 3 * factor, moments.margin(factor) * factor)
+    reach = diameter / 2 + margin + factor + max(slack, 2 * factor)
     u, v = place
     x0, y0 = (max(int((each - reach) // factor), 0) for each in place)
     x1 = min(int((u + reach) // factor) + 1, frame.width // factor)
     y1 = min(int((v + reach) // factor) + 1, frame.height // factor)
     if min(x1 - x0, y1 - y0) < LEAST_SIDE:
         return None, options.min_contrast
-    shades = redness(frame.reduced(factor, *(each * factor for each in (x0, y0, x1, y1))))
+    pixels = frame.reduced(factor, x0 * factor, y0 * factor, x1 * factor, y1 * factor)
+    shades = redness(pixels)
     threshold = max(options.min_contrast, options.noise_factor * _noise(shades))
     size = int(diameter / factor / 2) | 1
     smooth = cv2.blur(shades, (size, size))
@@ -112,10 +141,11 @@ def follow(
         column, row = cv2.minMaxLoc(smooth)[3]
     patch = _settled(shades, column, row, float(smooth[row, column]), outside)
     whole = (-x0, -y0, frame.width // factor - x0, frame.height // factor - y0)
-    if patch is None or _reaches_over(patch.near, (0, 0, x1 - x0, y1 - y0), whole):
+    near_least = moments.margin(factor)
+    if patch is None or _reaches_over(patch.near(near_least), (0, 0, x1 - x0, y1 - y0), whole):
         return None, threshold
-    origin = (x0 * factor, y0 * factor)
-    return _described(frame, patch, factor, origin, threshold, options), threshold
+    seen = _Map(pixels, factor, (x0 * factor, y0 * factor))
+    return _described(frame, patch, seen, threshold, options), threshold
 
 
 def _noise(shades: Map) -> float:
@@ -169,12 +199,9 @@ def _outlined(shades: Map, column: int, row: int, size: int) -> _Patch | None:
         patch = _settled(part, column - x0, row - y0, inside, outside)
         if patch is None:
             return None
-        box, near = (
-            (left + x0, top + y0, right + x0, bottom + y0)
-            for left, top, right, bottom in (patch.box, patch.near)
-        )
-        if not _reaches_over(near, (x0, y0, x1, y1), whole):
-            return patch._replace(box=box, near=near)
+        patch = patch.moved(x0, y0)
+        if not _reaches_over(patch.near(), (x0, y0, x1, y1), whole):
+            return patch
         half *= 2
     return None
 
@@ -204,11 +231,11 @@ def _settled(part: Map, column: int, row: int, inside: float, outside: float) ->
         if size == area:
             break
         area = size
-        margin = 2 + max(w, h) // 8
-        near = (x - margin, y - margin, x + w + margin, y + h + margin)
-        left, top = max(near[0], 0), max(near[1], 0)
-        seen = part[top : near[3], left : near[2]]
-        mask = (above[top : near[3], left : near[2]] == 2).view(np.uint8)
+        margin = _margin(w, h)
+        left, top = max(x - margin, 0), max(y - margin, 0)
+        near = slice(top, y + h + margin), slice(left, x + w + margin)
+        seen = part[near]
+        mask = (above[near] == 2).view(np.uint8)
         around = seen[cv2.dilate(mask, NEIGHBOURS) == 0]
         if around.size < 4:
             return None
@@ -216,7 +243,7 @@ def _settled(part: Map, column: int, row: int, inside: float, outside: float) ->
         inside = cv2.mean(seen, core if cv2.countNonZero(core) else mask)[0]
         outside = _median(around)
         inner = mask[y - top : y - top + h, x - left : x - left + w]
-        patch = _Patch((x, y, x + w, y + h), near, inner, inside, outside)
+        patch = _Patch((x, y, x + w, y + h), inner, inside, outside)
     return patch
 
 
@@ -225,14 +252,10 @@ def _frame_of(part: Map) -> Map:
 
 
 def _described(
-    frame: Frame,
-    patch: _Patch,
-    factor: int,
-    origin: tuple[int, int],
-    threshold: float,
-    options: DetectorOptions,
+    frame: Frame, patch: _Patch, seen: _Map, threshold: float, options: DetectorOptions
 ) -> Candidate | None:
     """Outline a patch at the scale that suits its size, and judge it."""
+    factor, (left, top) = seen.factor, seen.origin
     x0, y0, x1, y1 = patch.box
     size = max(x1 - x0, y1 - y0)
     finer = factor
@@ -241,86 +264,111 @@ def _described(
     if finer < factor:
         margin = size // 2 + 4
         wide = (
-            max((x0 - margin) * factor + origin[0], 0),
-            max((y0 - margin) * factor + origin[1], 0),
-            min((x1 + margin) * factor + origin[0], frame.width),
-            min((y1 + margin) * factor + origin[1], frame.height),
+            max((x0 - margin) * factor + left, 0),
+            max((y0 - margin) * factor + top, 0),
+            min((x1 + margin) * factor + left, frame.width),
+            min((y1 + margin) * factor + top, frame.height),
         )
-        shades = np.asarray(cv2.blur(redness(frame.reduced(finer, *wide)), (3, 3)), np.float32)
+        seen = _Map(frame.reduced(finer, *wide), finer, wide[:2])
+        shades = np.asarray(cv2.blur(redness(seen.pixels), (3, 3)), np.float32)
         rows, columns = np.nonzero(patch.mask)
         k = int(np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2))
-        column = ((x0 + columns[k] + 0.5) * factor + origin[0] - wide[0]) / finer
-        row = ((y0 + rows[k] + 0.5) * factor + origin[1] - wide[1]) / finer
+        column = ((x0 + columns[k] + 0.5) * factor + left - wide[0]) / finer
+        row = ((y0 + rows[k] + 0.5) * factor + top - wide[1]) / finer
         column = min(int(column), shades.shape[1] - 1)
         row = min(int(row), shades.shape[0] - 1)
         settled = _settled(shades, column, row, patch.inside, patch.outside)
         if settled is None:
             return None
-        patch, origin = settled, (wide[0], wide[1])
-    outline, fit = _shape(patch, finer, origin)
-    cut = _is_cut(patch, finer, origin, frame)
-    return _judged(outline, fit, patch, cut, threshold, options)
+        patch = settled
+    outline, fit = _shape(patch, seen)
+    contrast = patch.inside - patch.outside
+    cut = _is_cut(patch, seen, frame)
+    reason = _refusal(outline, fit, patch, cut, threshold, options)
+    major, minor = outline.semi_axes
+    score = contrast * fit**4 * math.sqrt(major * minor)
+    if not reason:
+        try:
+            outline = _covered(patch, seen)
+        except DetectionError as error:
+            reason = str(error)
+    return Candidate(outline, contrast, patch.inside, fit, score, reason)
 
 
-def _is_cut(patch: _Patch, factor: int, origin: tuple[int, int], frame: Frame) -> bool:
+def _is_cut(patch: _Patch, seen: _Map, frame: Frame) -> bool:
+    factor, (left, top) = seen.factor, seen.origin
     x0, y0, x1, y1 = patch.box
     return (
-        x0 * factor + origin[0] <= 0
-        or y0 * factor + origin[1] <= 0
-        or (x1 + 1) * factor + origin[0] > frame.width
-        or (y1 + 1) * factor + origin[1] > frame.height
+        x0 * factor + left <= 0
+        or y0 * factor + top <= 0
+        or (x1 + 1) * factor + left > frame.width
+        or (y1 + 1) * factor + top > frame.height
     )
 
 
-def _shape(patch: _Patch, factor: int, origin: tuple[int, int]) -> tuple[Ellipse, float]:
+def _shape(patch: _Patch, seen: _Map) -> tuple[Ellipse, float]:
     """The ellipse of a patch's moments, in px of the image, and how well the two agree."""
-    m = cv2.moments(patch.mask, binaryImage=True)
+    m = cv2.moments(patch.mask)
     area = m['m00']
     u, v = m['m10'] / area, m['m01'] / area
     uu, vv, uv = m['mu20'] / area + 1 / 12, m['mu02'] / area + 1 / 12, m['mu11'] / area
     height, width = patch.mask.shape
     x, y = np.arange(-u, width - u - 0.5), np.arange(-v, height - v - 0.5)[:, None]
     determinant = uu * vv - uv * uv
-    a, b, d = (each / (4 * determinant) for each in (vv, -uv, uu))
+    a, b, d = vv / (4 * determinant), -uv / (4 * determinant), uu / (4 * determinant)
     ellipse = ((a * x + 2 * b * y) * x < 1 - d * y * y).view(np.uint8)
     # The ellipse reaches beyond the patch's box where the two differ; its area does not show that.
     full = max(4 * math.pi * math.sqrt(determinant), cv2.countNonZero(ellipse))
     both = cv2.countNonZero(ellipse & patch.mask)
-    fit = both / (full + area - both)
-    centre = [
-        (patch.box[k] + each + 0.5) * factor - 0.5 + origin[k] for k, each in enumerate((u, v))
-    ]
-    moments = np.array([[uu, uv], [uv, vv]]) * factor**2
-    return Ellipse(np.array(centre), moments), fit
+    return _placed(moments.Moments(u, v, uu, uv, vv), patch.box, seen), both / (full + area - both)
 
 
-def _judged(
+def _covered(patch: _Patch, seen: _Map) -> Ellipse:
+    """The outline by the share of the pixels that the patch covers, in px of the image."""
+    height, width = seen.pixels.shape[:2]
+    x0, y0, x1, y1 = patch.box
+    margin = moments.margin(seen.factor)
+    left, top = max(x0 - margin, 0), max(y0 - margin, 0)
+    pixels = seen.pixels[top : min(y1 + margin, height), left : min(x1 + margin, width)]
+    mask = np.zeros(pixels.shape[:2], np.uint8)
+    mask[y0 - top : y1 - top, x0 - left : x1 - left] = patch.mask
+    return _placed(moments.covered(pixels, mask, seen.factor), (left, top), seen)
+
+
+def _placed(found: moments.Moments, corner: tuple[int, ...], seen: _Map) -> Ellipse:
+    """Moments in a part of a map with that corner, as an ellipse in px of the image."""
+    factor = seen.factor
+    u = (corner[0] + found.u + 0.5) * factor - 0.5 + seen.origin[0]
+    v = (corner[1] + found.v + 0.5) * factor - 0.5 + seen.origin[1]
+    uu, uv, vv = (each * factor**2 for each in (found.uu, found.uv, found.vv))
+    return Ellipse(np.array([u, v]), np.array([[uu, uv], [uv, vv]]))
+
+
+def _refusal(
     outline: Ellipse,
     fit: float,
     patch: _Patch,
     cut: bool,
     threshold: float,
     options: DetectorOptions,
-) -> Candidate:
+) -> str:
     major, minor = outline.semi_axes
     contrast = patch.inside - patch.outside
-    reason = ''
     if contrast < threshold:
-        reason = f'contrast {contrast:.2f} is below {threshold:.2f}'
-    elif patch.inside < options.min_redness:
-        reason = f'redness {patch.inside:.2f} is below {options.min_redness:.2f}'
-    elif cut:
-        reason = 'cut by the edge of the image'
-    elif 2 * major < options.min_diameter:
-        reason = f'diameter {2 * major:.1f} px is below {options.min_diameter:.1f} px'
-    elif 2 * major > options.max_diameter:
-        reason = f'diameter {2 * major:.1f} px is above {options.max_diameter:.1f} px'
-    elif minor < options.min_axis_ratio * major:
-        reason = f'axis ratio {minor / major:.2f} is below {options.min_axis_ratio:.2f}'
-    elif fit < options.min_fit:
-        reason = f'shape agrees with an ellipse by {fit:.2f}, less than {options.min_fit:.2f}'
-    score = contrast * fit**4 * math.sqrt(major * minor)
-    return Candidate(outline, contrast, patch.inside, fit, score, reason)
+        return f'contrast {contrast:.2f} is below {threshold:.2f}'
+    if patch.inside < options.min_redness:
+        return f'redness {patch.inside:.2f} is below {options.min_redness:.2f}'
+    if cut:
+        return 'cut by the edge of the image'
+    if 2 * major < options.min_diameter:
+        return f'diameter {2 * major:.1f} px is below {options.min_diameter:.1f} px'
+    if 2 * major > options.max_diameter:
+        return f'diameter {2 * major:.1f} px is above {options.max_diameter:.1f} px'
+    if minor < options.min_axis_ratio * major:
+        return f'axis ratio {minor / major:.2f} is below {options.min_axis_ratio:.2f}'
+    if fit < options.min_fit:
+        return f'shape agrees with an ellipse by {fit:.2f}, less than {options.min_fit:.2f}'
+    return ''
 
 
 def _same(one: Candidate, other: Candidate) -> bool:
