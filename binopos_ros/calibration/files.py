@@ -1,17 +1,10 @@
-"""The calibration's files: two camera_info YAMLs, the interface's parameters, the covariance.
-
-The rectification is Bouguet's as cv2.stereoRectify has it: both pictures turn by half, rows
-become epipolar lines, and R and P carry the extrinsics (see `optics.stereo_from_camera_infos`).
-"""
+"""The calibration's files: two camera_info YAMLs, the interface's parameters, the covariance."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
-from numpy.typing import ArrayLike
 
 from binopos_ros.calibration.covariance import (
     ParameterCovariance,
@@ -20,47 +13,27 @@ from binopos_ros.calibration.covariance import (
 )
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface import InterfaceCalibration
-from binopos_ros.calibration.state import LEFT, RIGHT, SIDES, TARGET_INDEX, Camera, RigState
+from binopos_ros.calibration.state import SIDES, TARGET_INDEX, Camera, RigState
 from binopos_ros.optics import (
     CameraInfo,
     read_camera_info,
     stereo_from_camera_infos,
     write_camera_info,
 )
+from binopos_ros.optics.rig_files import camera_infos_from_stereo, interface_block
 
 INTERFACE_FILE = 'interface.yaml'
 COVARIANCE_FILE = 'covariance.yaml'
-PLUMB_BOB, RATIONAL = 'plumb_bob', 'rational_polynomial'
 
 
 def camera_infos(state: RigState, names: tuple[str, str] = SIDES) -> tuple[CameraInfo, CameraInfo]:
     """The rig as ROS's calibration messages, rectification included.
 
     Raises:
-        CalibrationError: the two pictures differ in size, which no rectification allows.
+        OpticsError: the two pictures differ in size, which no rectification allows.
     """
-    left, right = state.cameras
-    if left.size != right.size:
-        raise CalibrationError(
-            f'the left pictures are {left.size[0]}x{left.size[1]} px, the right ones '
-            f'{right.size[0]}x{right.size[1]}: set both cameras to one resolution'
-        )
-    rotations_and_projections: Any = cv2.stereoRectify(
-        left.matrix,
-        _lens(left),
-        right.matrix,
-        _lens(right),
-        left.size,
-        state.rotation,
-        state.translation.reshape(3, 1),
-        flags=cv2.CALIB_ZERO_DISPARITY,
-        alpha=0.0,
-    )
-    r_left, r_right, p_left, p_right = rotations_and_projections[:4]
-    return (
-        _info(names[LEFT], left, r_left, p_left),
-        _info(names[RIGHT], right, r_right, p_right),
-    )
+    left, right = (camera.pinhole() for camera in state.cameras)
+    return camera_infos_from_stereo(left, right, state.rotation, state.translation, names)
 
 
 def write_stereo(
@@ -81,24 +54,6 @@ def write_stereo(
     return [*paths, path]
 
 
-def _lens(camera: Camera) -> np.ndarray:
-    return camera.lens if len(camera.lens) else np.zeros(5)
-
-
-def _info(name: str, camera: Camera, rectify: np.ndarray, project: np.ndarray) -> CameraInfo:
-    lens = _lens(camera)
-    return CameraInfo(
-        name=name,
-        width=camera.size[0],
-        height=camera.size[1],
-        distortion_model=PLUMB_BOB if len(lens) <= 5 else RATIONAL,
-        d=tuple(map(float, lens)),
-        k=tuple(map(float, camera.matrix.ravel())),
-        r=tuple(map(float, np.asarray(rectify).ravel())),
-        p=tuple(map(float, np.asarray(project).ravel())),
-    )
-
-
 def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Path]:
     """Write interface.yaml, the triangulator's parameters, and the stereo files beside it.
 
@@ -115,19 +70,18 @@ def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Pat
     for place, interface in calibration.state.interfaces.items():
         tilt = [calibration.deviation(f'{place}.normal.{i}') for i in (0, 1)]
         distance = calibration.deviation(f'{place}.distance')
-        last = f'  # the last +- {index:.5f}' if place in calibration.state.last_places else ''
-        lines += [
-            f'    {place}:',
-            f'      normal: {_numbers(interface.normal)}  # +- {np.degrees(max(tilt)):.3f} deg',
-            f'      distance: {interface.distance!r}  # m, +- {distance:.5f}',
-            f'      indices: {_numbers(interface.indices)}{last}',
-        ]
-        if interface.thicknesses:
-            spread = ', '.join(
+        remarks = {
+            'normal': f'+- {np.degrees(max(tilt)):.3f} deg',
+            'distance': f'm, +- {distance:.5f}',
+            'thicknesses': 'm, +- '
+            + ', '.join(
                 f'{calibration.deviation(f"{place}.thicknesses.{i}"):.5f}'
                 for i in range(len(interface.thicknesses))
-            )
-            lines += [f'      thicknesses: {_numbers(interface.thicknesses)}  # m, +- {spread}']
+            ),
+        }
+        if place in calibration.state.last_places:
+            remarks['indices'] = f'the last +- {index:.5f}'
+        lines += interface_block(place, interface, remarks)
     paths = write_stereo(folder, calibration.state, calibration.covariance)
     path = folder / INTERFACE_FILE
     write_text(path, '\n'.join(lines) + '\n')
@@ -168,7 +122,3 @@ def write_text(path: Path, text: str) -> None:
     except OSError as error:
         msg = f'cannot write {path}: {error.strerror}'
         raise CalibrationError(msg) from None
-
-
-def _numbers(values: ArrayLike) -> str:
-    return f'[{", ".join(repr(float(value)) for value in np.ravel(values))}]'

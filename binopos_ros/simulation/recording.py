@@ -8,17 +8,15 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from binopos_ros.bag import BagWriter, messages
-from binopos_ros.optics import (
-    CameraInfo,
-    FlatInterface,
-    PinholeCamera,
-    StereoRig,
-    write_camera_info,
+from binopos_ros.optics import CameraInfo, write_camera_info
+from binopos_ros.optics.rig_files import (
+    camera_infos_from_stereo,
+    interface_block,
+    yaml_numbers,
 )
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.render import Renderer
@@ -33,7 +31,6 @@ SIDES = ('left', 'right')
 FRAMES = ('left_camera_optical_frame', 'right_camera_optical_frame')
 #: Stamp of the first pair, ns: a fixed moment, so that the same scene gives the same bytes.
 START_NS = 1_700_000_000 * 10**9
-PLUMB_BOB_TERMS = 5
 
 
 def record(
@@ -72,7 +69,8 @@ def record(
     if threads is not None and threads < 1:
         msg = f'{threads} threads render nothing: give 1 or more'
         raise SimulationError(msg)
-    infos = camera_infos(scene.rig)
+    rig = scene.rig
+    infos = camera_infos_from_stereo(rig.left, rig.right, rig.rotation, rig.translation)
     times = scene.times(pairs)
     stamps = START_NS + np.rint(times * 1e9).astype(np.int64)
     positions = scene.path.poses(times)[0]
@@ -102,27 +100,6 @@ def record(
             on_pair()
 
 
-def camera_infos(rig: StereoRig) -> tuple[CameraInfo, CameraInfo]:
-    """The calibration in air of both cameras, with the extrinsics in R and P."""
-    size = (int(rig.left.size[0]), int(rig.left.size[1]))
-    translation = np.asarray(rig.translation, float).reshape(3, 1)
-    turn_left, turn_right, project_left, project_right = cv2.stereoRectify(
-        np.asarray(rig.left.matrix),
-        _terms(rig.left),
-        np.asarray(rig.right.matrix),
-        _terms(rig.right),
-        size,
-        np.asarray(rig.rotation, float),
-        translation,
-        flags=cv2.CALIB_ZERO_DISPARITY,
-        alpha=0,
-    )[:4]
-    return (
-        _camera_info('left', rig.left, turn_left, project_left),
-        _camera_info('right', rig.right, turn_right, project_right),
-    )
-
-
 def write_calibration(scene: Scene, infos: tuple[CameraInfo, CameraInfo], bag: Path) -> None:
     """Write the parameter file and the camera_info files into a bag's folder, or beside it."""
     single = bag.suffix == '.mcap'
@@ -147,7 +124,8 @@ def parameter_file(scene: Scene) -> str:
     }
     for name, (interface, frame) in blocks.items():
         if interface is not None:
-            lines += _interface_block(name, interface, frame)
+            remarks = {'normal': frame, 'distance': 'm', 'thicknesses': 'm'}
+            lines += interface_block(name, interface, remarks)
     if not any(interface for interface, _ in blocks.values()):
         lines.append("    method: 'straight'")
     if isinstance(scene.target, Disc):
@@ -155,25 +133,9 @@ def parameter_file(scene: Scene) -> str:
         lines += [
             '    target:',
             f'      diameter: {scene.target.diameter!r}  # m',
-            f'      normal: {_numbers(normal)}  # rig frame, at the start',
+            f'      normal: {yaml_numbers(normal)}  # rig frame, at the start',
         ]
     return '\n'.join(lines) + '\n'
-
-
-def _interface_block(name: str, interface: FlatInterface, frame: str) -> list[str]:
-    lines = [
-        f'    {name}:',
-        f'      normal: {_numbers(interface.normal)}  # {frame}',
-        f'      distance: {float(interface.distance)!r}  # m',
-        f'      indices: {_numbers(interface.indices)}',
-    ]
-    if len(interface.thicknesses):
-        lines.append(f'      thicknesses: {_numbers(interface.thicknesses)}  # m')
-    return lines
-
-
-def _numbers(values: ArrayLike) -> str:
-    return f'[{", ".join(repr(float(value)) for value in np.ravel(values))}]'
 
 
 def _pictures(
@@ -232,27 +194,3 @@ def _quaternion(rotation: Array) -> tuple[float, float, float, float]:
         axis = columns[:, np.argmax(np.diag(columns))]
         x, y, z = axis * np.sqrt(max(1 - w * w, 0.0)) / np.linalg.norm(axis)
     return float(x), float(y), float(z), float(w)
-
-
-def _camera_info(
-    name: str, camera: PinholeCamera, turn: np.ndarray, projection: np.ndarray
-) -> CameraInfo:
-    terms = _terms(camera)
-    return CameraInfo(
-        name=name,
-        width=int(camera.size[0]),
-        height=int(camera.size[1]),
-        distortion_model='plumb_bob' if terms.size == PLUMB_BOB_TERMS else 'rational_polynomial',
-        d=tuple(float(value) for value in terms),
-        k=tuple(float(value) for value in np.ravel(camera.matrix)),
-        r=tuple(float(value) for value in turn.ravel()),
-        p=tuple(float(value) for value in projection.ravel()),
-    )
-
-
-def _terms(camera: PinholeCamera) -> np.ndarray:
-    """Distortion of 5 or 8 terms, as plumb_bob and rational_polynomial have them."""
-    given = np.asarray(camera.distortion, float).ravel()
-    terms = np.zeros(PLUMB_BOB_TERMS if given.size <= PLUMB_BOB_TERMS else max(8, given.size))
-    terms[: given.size] = given
-    return terms

@@ -18,7 +18,7 @@ from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.files import camera_infos, read_stereo, write_stereo
 from binopos_ros.calibration.sources import open_pictures
 from binopos_ros.calibration.state import Camera, RigState, exponential
-from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
+from binopos_ros.optics import OpticsError, read_camera_info, stereo_from_camera_infos
 
 SECOND = 10**9
 
@@ -156,6 +156,14 @@ def test_a_written_rig_reads_back(
     assert covariance.names == state.names
 
 
+def test_a_lens_that_folds_in_the_picture_is_rectified_as_well(tmp_path: Path) -> None:
+    """cv2.stereoRectify finds a negative focal length for it when it looks for a full picture."""
+    lens = np.array([-0.06, 0.02, -0.19, -0.19, -0.12, 0.13, 0.01, -0.06])
+    state = rig(np.array([0.1, -0.05, 0.1]), np.zeros(3), lens)
+    write_stereo(tmp_path, state, np.eye(len(state.names)))
+    np.testing.assert_allclose(read_stereo(tmp_path)[0].minus(state), 0.0, atol=1e-9)
+
+
 def test_files_are_those_of_ros(tmp_path: Path) -> None:
     state = rig(np.array([0.01, -0.02, 0.03]), np.zeros(3), np.full(5, 0.01))
     left, right, covariance = write_stereo(tmp_path, state, np.eye(len(state.names)))
@@ -200,5 +208,5 @@ def test_pictures_of_two_sizes_make_no_rig() -> None:
     state = rig(np.zeros(3), np.zeros(3), np.zeros(5))
     left, right = state.cameras
     small = Camera(right.focal, right.centre, right.lens, (640, 480))
-    with pytest.raises(CalibrationError, match='one resolution'):
+    with pytest.raises(OpticsError, match='one resolution'):
         camera_infos(RigState((left, small), state.rotation, state.translation))

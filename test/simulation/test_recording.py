@@ -14,9 +14,10 @@ from scipy.spatial.transform import Rotation
 from binopos_ros.bag import BagError, BagReader, messages
 from binopos_ros.calibration.board import Board
 from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
+from binopos_ros.optics.rig_files import camera_infos_from_stereo
 from binopos_ros.simulation import PRESETS, Choices, Renderer, SimulationError, record
 from binopos_ros.simulation.presets import in_air, with_board
-from binopos_ros.simulation.recording import START_NS, _quaternion, camera_infos, parameter_file
+from binopos_ros.simulation.recording import START_NS, _quaternion, parameter_file
 from binopos_ros.simulation.sensor import Sensor
 
 PAIRS = 4
@@ -122,7 +123,9 @@ def test_the_pictures_show_the_disc_where_the_truth_is_seen(bag: Path) -> None:
 
 def test_camera_info_gives_the_rig_back(bag: Path) -> None:
     rig = PRESETS['ports'].make(Choices()).rig
-    left, right, rotation, translation = stereo_from_camera_infos(*camera_infos(rig))
+    left, right, rotation, translation = stereo_from_camera_infos(
+        *camera_infos_from_stereo(rig.left, rig.right, rig.rotation, rig.translation)
+    )
     np.testing.assert_allclose(rotation, rig.rotation, atol=1e-12)
     np.testing.assert_allclose(translation, rig.translation, atol=1e-12)
     np.testing.assert_array_equal(left.matrix, rig.left.matrix)
@@ -230,7 +233,7 @@ def test_the_bag_in_the_repository_is_the_preset_s(project: Path) -> None:
     # Not P itself: OpenCV's choice of the rectified focal length differs by version.
     for mine, theirs in zip(
         stereo_from_camera_infos(*infos)[2:],
-        stereo_from_camera_infos(*camera_infos(scene.rig))[2:],
+        (scene.rig.rotation, scene.rig.translation),
         strict=True,
     ):
         np.testing.assert_allclose(mine, theirs, atol=1e-9)
