@@ -54,7 +54,7 @@ RETURNED = 0.5
 SHARED_EDGE = 9.5
 """How many pixels' worth of an edge of common blur a block covers."""
 
-LEVERAGE_PIXELS = 300
+LEVERAGE_PIXELS = 150
 """The mean leverage is taken over about as many pixels."""
 
 LEAST_FACTOR = 0.8
@@ -62,18 +62,37 @@ JPEG_FACTOR = 2.3
 """JPEG's rounding follows the picture, so the fit takes a part of it for outline: residuals show
 less than half of its variance (rendered discs of 8 to 120 px, quality 70 to 95)."""
 
-# The model's terms, by their rows.
-U, V, STRETCH, BLUR, PROFILE = 0, 1, slice(2, 5), 5, slice(6, 8)
-INSIDE, INSIDE_SLOPE, OUTSIDE, OUTSIDE_SLOPE = 8, slice(9, 11), 11, slice(12, 14)
+# The model's terms, by their rows. Those that depend on the distance alone come first.
+BLUR, PROFILE, INSIDE, OUTSIDE = 0, slice(1, 3), 3, 4
+MOTION, STRETCH, SHEAR = slice(5, 7), slice(7, 9), 9
+SLOPES = slice(10, 14)
 TERMS = 14
 
-MOST_MOVE = (2.0, 2.0, 0.3, 0.3, 0.3, 0.4)
-"""How far a step may go: px, px, three stretches as shares of the axes, blur in px."""
+MOST_MOVE, MOST_STRETCH, MOST_BLUR_CHANGE = 2.0, 0.3, 0.4
+"""How far a step may go: px, share of the axes, px."""
 
-_PEAK = np.float32(1 / math.sqrt(2 * math.pi))
-FAR = np.float32(6)
-# The normal distribution as a logistic one of a cubic, good to 2e-4 (Page 1977).
-_PHI_1, _PHI_3 = np.float32(1.5976), np.float32(0.070565992)
+_LIKELY, _LIKELY_SLOPES = np.zeros(TERMS), np.zeros(TERMS)
+_LIKELY[STRETCH] = _LIKELY[SHEAR] = LIKELY_STRETCH**-2
+_LIKELY[BLUR] = LIKELY_BLUR**-2
+_LIKELY[PROFILE] = LIKELY_PROFILE**-2
+_LIKELY_SLOPES[SLOPES] = LIKELY_SLOPE**-2
+
+PROFILE_REACH, PROFILE_STEPS = 6, 170
+"""How far the table of the edge's profile goes, in blurs, and its steps per blur: so fine that
+what it rounds off is less than a camera does."""
+
+
+def _profiles() -> Grid:
+    """The slope, what the blur and the profile change, and the shares, by distance in blurs."""
+    reach = PROFILE_REACH * PROFILE_STEPS
+    z = np.arange(-reach, reach + 1) / PROFILE_STEPS
+    slope = np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
+    share = np.array([math.erfc(each / math.sqrt(2)) / 2 for each in z])
+    rows = [slope, z * slope, (z * z - 1) * slope, (z * z - 3) * z * slope, share, 1 - share]
+    return np.array(rows, np.float32)
+
+
+_PROFILES = _profiles()
 
 
 @dataclass(frozen=True)
@@ -107,12 +126,14 @@ class EdgeFit:
         self._xy -= _column(self._origin[0] - window.left, self._origin[1] - window.top)
         (a, b), (_, d) = start.moments.tolist()
         self._moments, self._blur = (a, b, d), START_BLUR
-        # The terms, and below them what is fitted by them: one product gives both sides of the
-        # normal equations, and of different factors, which is three times as fast as of equal.
-        self._system = np.empty((TERMS + 3, count), np.float32)
-        self._design = self._system[:TERMS]
+        # The edge's slope, the terms, and below them what is fitted by them: one product gives
+        # both sides of the normal equations, and of different factors, which is three times as
+        # fast as of equal ones.
+        self._rows_of_all = np.empty((1 + TERMS + 3, count), np.float32)
+        self._slope, self._design = self._rows_of_all[0], self._rows_of_all[1 : 1 + TERMS]
+        self._system = self._rows_of_all[1:]
         self._system[TERMS:] = window.pixels.reshape(-1, 3).take(places, 0).T
-        self._likely = _weights_of_the_likely(a + d)
+        self._likely = _LIKELY + (a + d) * _LIKELY_SLOPES
         self._jpeg = frame.is_jpeg
         rest = self._solve(FIRST_NOISE)
         axis = self._choose_axis(rest)
@@ -146,32 +167,20 @@ class EdgeFit:
         a, b, d = _inverse(*self._moments)
         gradient = np.array([[a / 4, b / 4], [b / 4, d / 4]], np.float32) @ xy
         t, steep = np.sqrt(_sum_of_rows(gradient * xy)), np.sqrt(_sum_of_rows(gradient * gradient))
-        blur = np.float32(1 / self._blur)
-        z = (t - 1) * t
+        z = t - 1
+        z *= t
         z /= steep
-        z *= blur
-        np.minimum(np.maximum(z, -FAR, out=z), FAR, out=z)
-        zz = z * z
-        share, outside = design[INSIDE], design[OUTSIDE]
-        profile = np.multiply(zz, _PHI_3, out=share)
-        profile += _PHI_1
-        profile *= z
-        np.exp(profile, out=profile)
-        profile += 1
-        np.reciprocal(profile, out=share)
-        slope = zz * np.float32(-0.5)
-        np.exp(slope, out=slope)
-        slope *= blur * _PEAK
-        normal = np.multiply(gradient, slope / steep, out=design[:2])
-        np.multiply(normal, xy, out=design[2:4])
-        _sum_of_rows(normal * xy[::-1], out=design[4])
-        np.multiply(z, slope, out=design[BLUR])
-        np.multiply(zz - 1, slope, out=design[6])
-        np.multiply(zz - 3, design[BLUR], out=design[7])
-        np.subtract(1, share, out=outside)
-        np.multiply(share, xy, out=design[INSIDE_SLOPE])
-        np.multiply(outside, xy, out=design[OUTSIDE_SLOPE])
-        self._slope = slope
+        z *= np.float32(PROFILE_STEPS / self._blur)
+        z += np.float32(PROFILE_REACH * PROFILE_STEPS + 0.5)
+        # By a table: a third of the time of exponentials.
+        by_distance = self._rows_of_all[: 2 + OUTSIDE]
+        _PROFILES.take(z.astype(np.intp), 1, by_distance, 'clip')
+        by_distance[:4] *= np.float32(1 / self._blur)
+        gradient *= np.divide(self._slope, steep, out=steep)
+        design[MOTION] = gradient
+        np.multiply(gradient, xy, out=design[STRETCH])
+        _sum_of_rows(gradient * xy[::-1], out=design[SHEAR])
+        np.multiply(by_distance[4:, None], xy, out=design[SLOPES].reshape(2, 2, -1))
 
     def _choose_axis(self, rest: Grid) -> Array:
         """The projection of colours, 1 from surroundings to target, that errs least.
@@ -182,11 +191,11 @@ class EdgeFit:
         if not difference @ difference > 9.0:
             msg = 'the patch is of the same colour as its surroundings'
             raise DetectionError(msg)
-        influence = self._inverse[:2].astype(np.float32) @ self._design
+        influence = self._inverse[MOTION].astype(np.float32) @ self._design
         weight = _sum_of_rows(influence * influence)
         sums = self._sums_over_blocks(np.sqrt(weight) * rest)
         noise = sums.copy()
-        noise.ravel()[::4] += SHARED_NOISE * float(sums.trace()) + 1e-12
+        noise.ravel()[::4] += SHARED_NOISE * sum(sums.ravel()[::4].tolist()) + 1e-12
         row = cv2.solve(noise, difference[:, None], flags=cv2.DECOMP_CHOLESKY)[1].ravel()
         axis: Array = row / (row @ difference)
         left = axis.astype(np.float32) @ rest
@@ -201,22 +210,22 @@ class EdgeFit:
         The blocks lie at all even places, so four of them cover each pixel; the mean over these is
         taken.
         """
-        half = BLOCK // 2
-        across, down = self._width // half + 3, int(self._rows[-1]) // half + 3
-        cells = (self._rows // half + 1) * across
-        cells += self._columns // half + 1
+        across, down = (self._width >> 1) + 3, (int(self._rows[-1]) >> 1) + 3
+        cells = (self._rows >> 1) * across
+        cells += self._columns >> 1
+        cells += across + 1
         grids = np.array([np.bincount(cells, each, across * down) for each in values])
         grids = grids.reshape(-1, down, across)
         pairs = grids[:, :-1] + grids[:, 1:]
         blocks = (pairs[..., :-1] + pairs[..., 1:]).reshape(len(values), -1)
-        products: Array = blocks @ (blocks / half**2).T
+        products: Array = blocks @ (blocks / 4).T
         return products
 
     def _move(self, solution: Array) -> None:
-        du, dv, su, sv, suv, blur = (
-            min(max(each, -most), most)
-            for each, most in zip(solution[:6].tolist(), MOST_MOVE, strict=True)
-        )
+        blur, _, _, _, _, du, dv, su, sv, suv = solution[: SHEAR + 1].tolist()
+        du, dv = _limited(du, MOST_MOVE), _limited(dv, MOST_MOVE)
+        su, sv, suv = (_limited(each, MOST_STRETCH) for each in (su, sv, suv))
+        blur = _limited(blur, MOST_BLUR_CHANGE)
         self._centre = self._centre[0] + du, self._centre[1] + dv
         a, b, d = self._moments
         # The stretch (1 + su, suv; suv, 1 + sv) from both sides.
@@ -251,8 +260,12 @@ class EdgeFit:
         factor = max(self._correlation * kept + RETURNED * taken * SHARED_EDGE, LEAST_FACTOR)
         if self._jpeg:
             factor *= JPEG_FACTOR
-        covariance: Array = self._inverse[:2, :2] * (variance * factor)
+        covariance: Array = self._inverse[MOTION, MOTION] * (variance * factor)
         return covariance
+
+
+def _limited(value: float, most: float) -> float:
+    return min(max(value, -most), most)
 
 
 def _column(first: float, second: float) -> Grid:
@@ -262,15 +275,6 @@ def _column(first: float, second: float) -> Grid:
 def _sum_of_rows(pair: Grid, out: Grid | None = None) -> Grid:
     total: Grid = np.add(pair[0], pair[1], out=out)
     return total
-
-
-def _weights_of_the_likely(size: float) -> Array:
-    weights = np.zeros(TERMS)
-    weights[STRETCH] = LIKELY_STRETCH**-2
-    weights[BLUR] = LIKELY_BLUR**-2
-    weights[PROFILE] = LIKELY_PROFILE**-2
-    weights[INSIDE_SLOPE] = weights[OUTSIDE_SLOPE] = size * LIKELY_SLOPE**-2
-    return weights
 
 
 def _inverse(a: float, b: float, d: float) -> tuple[float, float, float]:
