@@ -129,17 +129,14 @@ def follow(
     pixels = frame.reduced(factor, x0 * factor, y0 * factor, x1 * factor, y1 * factor)
     shades = redness(pixels)
     threshold = max(options.min_contrast, options.noise_factor * _noise(shades))
-    size = int(diameter / factor / 2) | 1
-    smooth = cv2.blur(shades, (size, size))
-    column, row = int(u / factor) - x0, int(v / factor) - y0
     outside = _median(_frame_of(shades))
-    if not (
-        0 <= column < x1 - x0
-        and 0 <= row < y1 - y0
-        and min(smooth[row, column], shades[row, column]) - outside > threshold
-    ):
-        column, row = cv2.minMaxLoc(smooth)[3]
-    patch = _settled(shades, column, row, float(smooth[row, column]), outside)
+    column, row = int(u / factor) - x0, int(v / factor) - y0
+    shown = 0 <= column < x1 - x0 and 0 <= row < y1 - y0
+    inside = float(shades[row, column]) if shown else outside
+    if inside - outside < threshold:
+        size = int(diameter / factor / 2) | 1
+        _, inside, _, (column, row) = cv2.minMaxLoc(cv2.blur(shades, (size, size)))
+    patch = _settled(shades, column, row, inside, outside)
     whole = (-x0, -y0, frame.width // factor - x0, frame.height // factor - y0)
     near_least = moments.margin(factor)
     if patch is None or _reaches_over(patch.near(near_least), (0, 0, x1 - x0, y1 - y0), whole):

@@ -193,7 +193,7 @@ class EdgeFit:
             raise DetectionError(msg)
         influence = self._inverse[MOTION].astype(np.float32) @ self._design
         weight = _sum_of_rows(influence * influence)
-        sums = self._sums_over_blocks(np.sqrt(weight) * rest)
+        sums = self._sums_over_blocks((np.sqrt(weight) * rest).astype(float))
         noise = sums.copy()
         noise.ravel()[::4] += SHARED_NOISE * sum(sums.ravel()[::4].tolist()) + 1e-12
         row = cv2.solve(noise, difference[:, None], flags=cv2.DECOMP_CHOLESKY)[1].ravel()
@@ -204,7 +204,7 @@ class EdgeFit:
         self._correlation = float(axis @ sums @ axis) / float(weight @ squared)
         return axis
 
-    def _sums_over_blocks(self, values: Grid) -> Array:
+    def _sums_over_blocks(self, values: Array) -> Array:
         """Products of the sums over blocks, (n, n), of values (n, N) at the band's pixels.
 
         The blocks lie at all even places, so four of them cover each pixel; the mean over these is
