@@ -162,6 +162,11 @@ class TriangulatorOptions:
         's',
         (0.0, 10.0),
     )
+    triggered: bool = option(
+        False,
+        'the cameras are exposed together by hardware: where the stamps of a pair differ it is '
+        'their jitter. False: the right centroid is brought along its path to the left stamp',
+    )
     epipolar_gate: float = option(
         10.0,
         'largest distance of an image point from the image of the position found; above it left '

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from binopos_ros.optics.camera_info import CameraInfo, stereo_from_camera_infos
 from binopos_ros.triangulation.index import DIFFERENT_POINTS
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.pairing import SIDES, Pair, PairMatcher
+from binopos_ros.triangulation.skew import Movement, Sample, Track
 from binopos_ros.triangulation.triangulate import triangulate
 
 #: Left and right centre, left and right covariance.
@@ -80,17 +82,23 @@ class Drop:
     reason: str
 
 
+class _Seen(NamedTuple):
+    """A centroid, and how the target came there."""
+
+    centroid: Centroid
+    movement: Movement
+
+
 class Triangulator:
     """Pairs centroids and triangulates them, once both cameras' calibrations are known."""
 
     def __init__(self, options: TriangulatorOptions) -> None:
         self._infos: dict[str, CameraInfo] = {}
-        self._rig: StereoRig | None = None
-        self._early: deque[Pair[Centroid]] = deque()
+        self._early: deque[Pair[_Seen]] = deque()
         self._matcher = _matcher(options)
-        self._options = options
-        self._configure(options)
+        self._tracks = {side: Track() for side in SIDES}
         self.pairs = 0
+        self._build(options, self._infos)
 
     def configure(self, options: TriangulatorOptions) -> None:
         """Take new options; pairs that wait for a partner are kept unless the tolerance changes.
@@ -98,18 +106,10 @@ class Triangulator:
         Raises:
             TriangulationError, OpticsError: the options do not make a rig.
         """
-        if options.pair_tolerance != self._options.pair_tolerance:
+        before = self._options
+        self._build(options, self._infos)
+        if options.pair_tolerance != before.pair_tolerance:
             self._matcher = _matcher(options)
-        self._configure(options)
-        self._options = options
-        self._build_rig()
-
-    def _configure(self, options: TriangulatorOptions) -> None:
-        self._interfaces = options.interfaces()
-        path = options.calibration_covariance
-        self._calibration = read_covariance(Path(path)) if path else None
-        self._covariance: NDArray[np.float64] | None = None
-        self._estimator = options.estimator(None)
 
     @property
     def rig(self) -> StereoRig | None:
@@ -120,16 +120,16 @@ class Triangulator:
         """Take the calibration of one camera; the same one again costs nothing.
 
         Raises:
-            OpticsError: the calibration cannot be used.
+            OpticsError: the calibration cannot be used; what was there before stays in use.
         """
-        if self._infos.get(side) == info:
-            return
-        self._infos[side] = info
-        self._build_rig()
+        if self._infos.get(side) != info:
+            self._build(self._options, {**self._infos, side: info})
 
     def add(self, side: str, centroid: Centroid) -> Iterator[Position | Drop]:
         """Take one centroid in; yield the positions, and the drops, that it decides."""
-        for event in self._matcher.add(side, centroid.stamp, centroid):
+        sample = Sample(centroid.stamp, centroid.centre, centroid.covariance)
+        seen = _Seen(centroid, self._tracks[side].add(sample))
+        for event in self._matcher.add(side, centroid.stamp, seen):
             if isinstance(event, Pair):
                 self.pairs += 1
                 self._early.append(event)
@@ -139,35 +139,43 @@ class Triangulator:
             while self._early:
                 yield self._triangulate(self._rig, self._early.popleft())
         while len(self._early) > EARLY_PAIRS:
-            yield Drop(self._early.popleft().left.stamp, self._missing_calibration())
+            early = self._early.popleft()
+            yield Drop(early.left.centroid.stamp, self._missing_calibration())
 
     def flush(self) -> Iterator[Drop]:
         """Give up on what waits for a partner or a calibration, at the end of a recording."""
         for event in self._matcher.flush():
             yield Drop(event.stamp, event.reason)
         while self._early:
-            yield Drop(self._early.popleft().left.stamp, self._missing_calibration())
+            early = self._early.popleft()
+            yield Drop(early.left.centroid.stamp, self._missing_calibration())
 
-    def _build_rig(self) -> None:
-        if len(self._infos) < 2:
-            return
-        interface, left_port, right_port = self._interfaces
-        left, right, rotation, translation = stereo_from_camera_infos(
-            self._infos['left'], self._infos['right']
-        )
-        kind = StereoRig if self._calibration is None else UncertainRig
-        self._rig = kind(left, right, rotation, translation, interface, left_port, right_port)
-        if self._calibration is not None:
-            self._covariance = self._calibration.ordered(self._rig.parameter_names)
-            self._estimator = self._options.estimator(self._covariance)
+    def _build(self, options: TriangulatorOptions, infos: dict[str, CameraInfo]) -> None:
+        """Take options and calibrations together, or, where they make no rig, neither."""
+        path = options.calibration_covariance
+        calibration = read_covariance(Path(path)) if path else None
+        rig, covariance = None, None
+        if len(infos) == len(SIDES):
+            cameras = stereo_from_camera_infos(infos['left'], infos['right'])
+            kind = StereoRig if calibration is None else UncertainRig
+            rig = kind(*cameras, *options.interfaces())
+            if calibration is not None:
+                covariance = calibration.ordered(rig.parameter_names)
+        self._estimator = options.estimator(covariance)
+        self._rig, self._covariance = rig, covariance
+        self._infos, self._options = infos, options
 
     def _missing_calibration(self) -> str:
         missing = [side for side in SIDES if side not in self._infos]
         return f'no camera_info from {" and ".join(missing)}'
 
-    def _triangulate(self, rig: StereoRig, pair: Pair[Centroid]) -> Position | Drop:
-        left, right = pair.left, pair.right
-        views: _Views = (left.centre, right.centre, left.covariance, right.covariance)
+    def _triangulate(self, rig: StereoRig, pair: Pair[_Seen]) -> Position | Drop:
+        left, right = pair.left.centroid, pair.right.centroid
+        if self._options.triggered:
+            right_centre, right_covariance = right.centre, right.covariance
+        else:
+            right_centre, right_covariance = pair.right.movement.at(left.stamp)
+        views: _Views = (left.centre, right_centre, left.covariance, right_covariance)
         if self._options.target.diameter > 0:
             try:
                 views = self._centred(rig, views)
@@ -210,6 +218,6 @@ class Triangulator:
         return left, right, views[2], views[3]
 
 
-def _matcher(options: TriangulatorOptions) -> PairMatcher[Centroid]:
+def _matcher(options: TriangulatorOptions) -> PairMatcher[_Seen]:
     tolerance = options.pair_tolerance
     return PairMatcher(round(tolerance * 1e9) if tolerance > 0 else None)

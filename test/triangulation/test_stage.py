@@ -104,6 +104,24 @@ def test_a_calibration_that_cannot_be_used_is_refused(changes, words):
         stage.set_camera('left', info('left', **changes))
 
 
+def test_a_refused_calibration_leaves_the_one_in_use_and_is_refused_each_time():
+    stage = calibrate(triangulator())
+    for _ in range(2):
+        with pytest.raises(OpticsError, match='uncalibrated'):
+            stage.set_camera('left', info('left', k=(0.0,) * 9))
+    (found,) = feed(stage, centroids(POINT))
+    np.testing.assert_allclose(found.point, POINT, atol=1e-9)
+
+
+def test_refused_options_leave_those_in_use():
+    stage = calibrate(triangulator())
+    missing = WATER | {'calibration_covariance': '/nowhere/covariance.yaml'}
+    with pytest.raises(ValueError, match='nowhere'):
+        stage.configure(build(TriangulatorOptions, missing | {'interface.distance': 0.7}))
+    (found,) = feed(stage, centroids(POINT))
+    np.testing.assert_allclose(found.point, POINT, atol=1e-9)
+
+
 def test_a_pair_that_sees_two_different_points_is_dropped():
     stage = calibrate(triangulator())
     other = centroids(POINT + np.array([0.0, 0.06, 0.0]))
