@@ -1,14 +1,13 @@
-"""Two cameras as one: how far apart their frames are taken, and what that does to a position."""
+"""Two cameras as one: how far apart their frames are taken, and one picture that holds both."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections import Counter, deque
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from binopos_ros.capture.errors import CaptureError
 
@@ -92,40 +91,6 @@ class SkewMeter:
     def _give_up(self, side: str, count: int) -> None:
         del self._waiting[side][:count]
         self.unpaired[side] += count
-
-
-def skew_covariance(
-    project: Callable[[Floats], Floats],
-    position: ArrayLike,
-    velocity: ArrayLike,
-    skew: float,
-    velocity_covariance: ArrayLike | None = None,
-) -> Floats:
-    """What the skew of a pair adds to the later image's centroid of a moving target.
-
-    While the cameras wait for each other the target moves by velocity times skew. Seen by the
-    later camera that is a shift of J v dt pixels (J: the projection's Jacobian). Taken for noise,
-    its second moment is dt^2 J (v v^T + P) J^T, to be added to that centroid's covariance before
-    triangulation. Adding v v^T dt^2 to the position instead would fall short: a shift along the
-    baseline is a disparity, and moves the triangulated depth by many times itself.
-
-    :param project: positions (N, 3) m to the later camera's pixels (N, 2).
-    :param position: (3,) m, of the target.
-    :param velocity: (3,) m/s, of the target.
-    :param skew: s, of the pair; its sign does not matter.
-    :param velocity_covariance: P, (3, 3) m^2/s^2; None where the velocity is certain.
-    :returns: (2, 2) px^2.
-    """
-    centre, speed = np.asarray(position, float), np.asarray(velocity, float)
-    moment = np.outer(speed, speed)
-    if velocity_covariance is not None:
-        moment = moment + np.asarray(velocity_covariance, float)
-    step = 1e-4 * max(1.0, float(np.linalg.norm(centre)))
-    offsets = step * np.vstack([np.eye(3), -np.eye(3)])
-    pixels = np.asarray(project(centre + offsets), float)
-    jacobian = (pixels[:3] - pixels[3:]).T / (2.0 * step)
-    added: Floats = skew**2 * jacobian @ moment @ jacobian.T
-    return added
 
 
 def split_side_by_side(picture: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:

@@ -1,4 +1,4 @@
-"""Skew measured against known clocks, and its effect against a moving target that is rendered."""
+"""Skew measured against known clocks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from binopos_ros.capture.errors import CaptureError
-from binopos_ros.capture.pairing import SkewMeter, skew_covariance, split_side_by_side
+from binopos_ros.capture.pairing import SkewMeter, split_side_by_side
 
 PERIOD = 1 / 30
 
@@ -91,49 +91,6 @@ def test_too_few_pairs_have_no_drift():
     meter = SkewMeter(PERIOD / 2)
     feed(meter, np.arange(5) * PERIOD, np.arange(5) * PERIOD)
     assert math.isnan(meter.skew().drift)
-
-
-FOCAL, BASELINE = 900.0, 0.23
-
-
-def project_left(points):
-    return FOCAL * points[:, :2] / points[:, 2:]
-
-
-def project_right(points):
-    return project_left(points - [BASELINE, 0.0, 0.0])
-
-
-def triangulate(left, right):
-    depth = FOCAL * BASELINE / (left[:, 0] - right[:, 0])
-    return np.column_stack([left * (depth / FOCAL)[:, None], depth])
-
-
-def test_it_is_the_spread_of_the_later_cameras_centroid():
-    # Velocities drawn about the estimate, the target projected where it really is by then.
-    random = np.random.default_rng(1)
-    position, velocity, skew = np.array([0.1, -0.05, 1.2]), np.array([0.3, 0.1, -0.2]), 8e-3
-    spread = np.diag([0.05, 0.02, 0.1]) ** 2
-    velocities = random.multivariate_normal(velocity, spread, 200_000)
-    shifts = project_right(position + velocities * skew) - project_right(position[None])
-    found = skew_covariance(project_right, position, velocity, skew, spread)
-    np.testing.assert_allclose(found, shifts.T @ shifts / len(shifts), rtol=0.02, atol=1e-3)
-
-
-def test_it_carries_the_error_of_depth_that_the_baseline_magnifies():
-    position, velocity, skew = np.array([0.0, 0.0, 1.2]), np.array([0.5, 0.0, 0.0]), 10e-3
-    left = project_left(position[None])
-    error = triangulate(left, project_right(position + velocity[None] * skew))[0, 2] - position[2]
-    added = skew_covariance(project_right, position, velocity, skew)
-    depth_per_pixel = position[2] ** 2 / (FOCAL * BASELINE)
-    assert depth_per_pixel * math.sqrt(added[0, 0]) == pytest.approx(abs(error), rel=0.05)
-    assert abs(error) > 5 * np.linalg.norm(velocity) * skew
-
-
-def test_without_skew_or_motion_nothing_is_added():
-    position = [0.1, 0.2, 1.0]
-    assert not skew_covariance(project_right, position, [1.0, 0.0, 0.0], 0.0).any()
-    assert not skew_covariance(project_right, position, [0.0, 0.0, 0.0], 0.01).any()
 
 
 def test_a_side_by_side_picture_splits_into_its_halves_without_a_copy():
