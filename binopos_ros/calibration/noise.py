@@ -24,7 +24,7 @@ import numpy as np
 from binopos_ros.calibration.adjust import Adjustment, Prior, View, view_score
 
 FEWEST_VIEWS = 5
-SCORE = 2.326  # of the normal distribution: one set of independent points in 100 lies beyond
+SCORE = 3.09  # of the normal distribution: one set of independent points in 1000 lies beyond
 
 
 @dataclass(frozen=True)

@@ -92,8 +92,12 @@ def see_boards(
     count: int = 10,
     noise: float = 0.1,
     tilts: tuple[float, float] = (0.0, 45.0),
+    aside: tuple[float, float] = (0.15, 0.1),
 ) -> list[View]:
-    """Boards of 9 x 6 corners, 20 mm apart, mixed in tilt and place, whole in both pictures."""
+    """Boards of 9 x 6 corners, 20 mm apart, mixed in tilt and place, whole in both pictures.
+
+    `aside` is how far from the axis they are held, in parts of their depth.
+    """
     points = Board('chessboard', 9, 6, 0.02).points
     middle = points.mean(axis=0)
     centre = -rig.rotation.T @ rig.translation / 2.0
@@ -104,8 +108,8 @@ def see_boards(
         turned = turned @ exponential(np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)]))
         depth = rng.uniform(*depths)
         place = [
-            centre[0] + rng.uniform(-0.15, 0.15) * depth,
-            rng.uniform(-0.1, 0.1) * depth,
+            centre[0] + rng.uniform(-1.0, 1.0) * aside[0] * depth,
+            rng.uniform(-1.0, 1.0) * aside[1] * depth,
             depth,
         ]
         seen = rig.project((points - middle) @ turned.T + place)
