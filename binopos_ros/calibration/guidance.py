@@ -66,6 +66,8 @@ class Guide:
         gain: by how much this view lowers it (m); nan where not known.
         hint: the next thing to do.
         done: whether `error` is below what was wanted.
+        outlines: per camera (4, 2), where the board's outer points would then be seen (px); empty
+            where the hint names no place.
     """
 
     views: int
@@ -75,6 +77,7 @@ class Guide:
     gain: float
     hint: str
     done: bool
+    outlines: tuple[np.ndarray, ...] = ()
 
 
 @dataclass
@@ -98,6 +101,7 @@ class Guidance:
     solution: Solution | None = None
     _before: BoardPair | None = None
     _next: str = ''
+    _outlines: tuple[np.ndarray, ...] = ()
 
     def add(self, pair: BoardPair) -> Guide:
         """Judge a pair, take it if it helps, and say what to do next."""
@@ -108,8 +112,10 @@ class Guidance:
         error = self.error()
         done = bool(error < self.wanted)
         if not reason or not self._next:
-            self._next = self._hint(done)  # only a view that was taken changes it
-        return Guide(len(self.pairs), not reason, reason, error, gain, self._next, done)
+            self._next, self._outlines = self._hint(done)  # only a view taken changes it
+        return Guide(
+            len(self.pairs), not reason, reason, error, gain, self._next, done, self._outlines
+        )
 
     def error(self) -> float:
         """Predicted standard deviation at the working distance from the calibration (m)."""
@@ -188,19 +194,21 @@ class Guidance:
         square = np.einsum('nij,jk,nik->n', jacobian, covariance, jacobian)
         return float(np.sqrt(np.nanmean(square)))
 
-    def _hint(self, done: bool) -> str:
+    def _hint(self, done: bool) -> tuple[str, tuple[np.ndarray, ...]]:
+        """The next thing to do, and the outlines of the board that it asks for."""
         if done:
-            return 'good enough: stop here'
+            return 'good enough: stop here', ()
         if self.solution is None:
             missing = FEWEST_TO_FIT - len(self.pairs)
             more = f'{missing} more to begin with' if missing > 0 else 'tilt more, about both axes'
-            return f'show the board tilted in different ways and places: {more}'
-        best, words = 0.0, 'fill the empty parts of both pictures'
-        for text, view, pose in self._imagined():
-            gain = self._gain_of(view, pose)
-            if gain > best:
-                best, words = gain, f'{text}: -{1000 * gain:.2f} mm'
-        return words
+            return f'show the board tilted in different ways and places: {more}', ()
+        gains = [(self._gain_of(view, pose), text, view) for text, view, pose in self._imagined()]
+        gain, text, view = max(gains, key=lambda one: one[0], default=(0.0, '', None))
+        if view is None or gain <= 0.0:
+            return 'fill the empty parts of both pictures', ()
+        columns, rows = self.board.shape
+        corners = [0, columns - 1, columns * rows - 1, columns * (rows - 1)]
+        return f'{text}: -{1000 * gain:.2f} mm', tuple(seen[corners] for seen in view.pixels)
 
     def _imagined(self) -> list[tuple[str, View, Pose]]:
         """Views that could be taken next: nine places, five tilts, two distances."""

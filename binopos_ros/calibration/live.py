@@ -15,7 +15,9 @@ from binopos_ros.calibration.views import CELLS, BoardPair
 OVERLAY_WIDTH = 640  # px per camera
 ENOUGH_POINTS = 10  # per cell
 SHADES = ' ░▒▓█'
-GREEN, RED, WHITE, BLACK = (80, 220, 80), (60, 60, 230), (255, 255, 255), (0, 0, 0)
+GREEN, RED, YELLOW, WHITE = (80, 220, 80), (60, 60, 230), (40, 220, 255), (255, 255, 255)
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+BAND = 26  # px, height of a line of text
 
 
 class LiveSession:
@@ -90,20 +92,12 @@ class LiveSession:
             colour = GREEN if guide.taken else RED
             for u, v in (view.pixels + 0.5) * scale - 0.5:
                 cv2.circle(picture, (round(u), round(v)), 3, colour, 1, cv2.LINE_AA)
-        lines = (guide.hint, _standing(guide)) if side == LEFT else (guide.reason, '')
-        for row, line in enumerate(lines):
-            place = (8, 22 + 22 * row)
-            for colour, width in ((BLACK, 3), (WHITE, 1)):
-                cv2.putText(
-                    picture,
-                    line,
-                    place,
-                    cv2.FONT_HERSHEY_SIMPLEX,
-                    0.45,
-                    colour,
-                    width,
-                    cv2.LINE_AA,
-                )
+        if guide.outlines:
+            outline = np.rint((guide.outlines[side] + 0.5) * scale - 0.5).astype(np.int32)
+            cv2.polylines(picture, [outline], True, YELLOW, 2, cv2.LINE_AA)
+        lines = (guide.hint, _standing(guide)) if side == LEFT else (guide.reason,)
+        for row, line in enumerate(line for line in lines if line):
+            _write(picture, line, row)
         return np.asarray(picture)
 
     def _text(self, guide: Guide) -> str:
@@ -114,6 +108,18 @@ class LiveSession:
             lines.append('   '.join(_shaded(counts[row]) for counts in maps))
         state = 'taken' if guide.taken else f'not taken: {guide.reason}'
         return '\n'.join([*lines, state, _standing(guide), f'next: {guide.hint}'])
+
+
+def _write(picture: np.ndarray, line: str, row: int) -> None:
+    """A line of white text on a darkened band."""
+    band = picture[row * BAND : (row + 1) * BAND]
+    band[:] = band // 4
+    # A long hint shrinks until it fits.
+    size = 0.5
+    while size > 0.3 and cv2.getTextSize(line, FONT, size, 1)[0][0] > OVERLAY_WIDTH - 16:
+        size -= 0.02
+    place = (8, row * BAND + 18)
+    cv2.putText(picture, line, place, FONT, size, WHITE, 1, cv2.LINE_AA)
 
 
 def _shaded(counts: np.ndarray) -> str:

@@ -81,6 +81,12 @@ def test_hints_name_a_place_and_a_tilt(course: Any) -> None:
     hints = [g.hint for g in guides if np.isfinite(g.error) and not g.done]
     assert hints
     assert all('hold it' in hint and 'of the left picture' in hint for hint in hints)
+    for guide in guides:
+        if 'hold it' in guide.hint:
+            assert [outline.shape for outline in guide.outlines] == [(4, 2), (4, 2)]
+            for outline, size in zip(guide.outlines, SIZES, strict=True):
+                assert ((outline >= 0) & (outline < size)).all()
+    assert guides[-1].outlines == ()
 
 
 def test_a_moving_board_is_not_taken(course: Any) -> None:
@@ -127,6 +133,11 @@ def test_a_session_on_real_pictures(samples: Path) -> None:
         assert overlay.shape == (480, 1280, 3)
         assert 'next: ' in text
     assert len(session.pairs) >= 6
+    # The board that the hint asks for is drawn in yellow, in both pictures.
+    blue, green, red = np.moveaxis(overlay.astype(int), -1, 0)
+    yellow = (red > 200) & (green > 170) & (blue < 90)
+    assert yellow[:, :640].sum() > 100
+    assert yellow[:, 640:].sum() > 100
     assert 'positions to' in text
     assert not session.done
     with pytest.raises(CalibrationError, match='changed their size'):
