@@ -26,7 +26,7 @@ from .target import Candidate, Ellipse
 Window = tuple[int, int, int, int]
 
 SEARCH_WIDTH = 320
-SHAPE_SIZE = 10
+SHAPE_SIZE = 8
 MAX_SEEDS = 16
 MOST_CUTS = 5
 LEAST_SIDE = 3

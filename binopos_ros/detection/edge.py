@@ -28,7 +28,7 @@ from .images import Frame
 from .target import Array, Ellipse
 from .window import Grid, Window
 
-BAND = 5.0
+BAND = 6.0
 LEAST_PIXELS = 48
 FIRST_NOISE = 1e-4
 START_BLUR, LEAST_BLUR, MOST_BLUR = 0.9, 0.3, 3.0
@@ -58,9 +58,12 @@ LEVERAGE_PIXELS = 150
 """The mean leverage is taken over about as many pixels."""
 
 LEAST_FACTOR = 0.8
-JPEG_FACTOR = 2.3
-"""JPEG's rounding follows the picture, so the fit takes a part of it for outline: residuals show
-less than half of its variance (rendered discs of 8 to 120 px, quality 70 to 95)."""
+CHROMA_FACTOR = 4.3
+"""JPEG's rounding of colour follows the picture, so the fit takes it for outline and residuals do
+not show it: so much of it comes on top (rendered discs of 8 to 120 px, quality 70 to 95)."""
+
+# How blue, green and red take part in the colour differences Cb and Cr (ITU-T T.871).
+_CHROMA = np.array([[1.772, -0.344, 0.0], [0.0, -0.714, 1.402]])
 
 # The model's terms, by their rows. Those that depend on the distance alone come first.
 BLUR, PROFILE, INSIDE, OUTSIDE = 0, slice(1, 3), 3, 4
@@ -134,7 +137,7 @@ class EdgeFit:
         self._system = self._rows_of_all[1:]
         self._system[TERMS:] = window.pixels.reshape(-1, 3).take(places, 0).T
         self._likely = _LIKELY + (a + d) * _LIKELY_SLOPES
-        self._jpeg = frame.is_jpeg
+        self._chroma_noise = frame.chroma_noise
         rest = self._solve(FIRST_NOISE)
         axis = self._choose_axis(rest)
         self._move(self._solution @ axis)
@@ -200,6 +203,8 @@ class EdgeFit:
         axis: Array = row / (row @ difference)
         left = axis.astype(np.float32) @ rest
         squared = left * left
+        parts = _CHROMA @ axis
+        self._chroma_variance = CHROMA_FACTOR * self._chroma_noise * float(parts @ parts)
         self._noise = 2.5 * float(squared.sum()) / left.size
         self._correlation = float(axis @ sums @ axis) / float(weight @ squared)
         return axis
@@ -258,9 +263,8 @@ class EdgeFit:
         total = float(weight.sum())
         variance = float(weight @ (self._left * self._left)) / (total * kept) + 1e-12
         factor = max(self._correlation * kept + RETURNED * taken * SHARED_EDGE, LEAST_FACTOR)
-        if self._jpeg:
-            factor *= JPEG_FACTOR
-        covariance: Array = self._inverse[MOTION, MOTION] * (variance * factor)
+        variance = variance * factor + self._chroma_variance
+        covariance: Array = self._inverse[MOTION, MOTION] * variance
         return covariance
 
 

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import DetectionError
+from .jpeg import JpegHeader, read_header
 
 try:
     import simplejpeg
@@ -74,7 +75,8 @@ class Frame(Protocol):
 
     width: int
     height: int
-    is_jpeg: bool
+    chroma_noise: float
+    """`JpegHeader.chroma_noise`, or 0 for a picture that never was a JPEG."""
 
     def window(self, x0: int, y0: int, x1: int, y1: int) -> Picture:
         """Give a window's pixels, (y1 - y0, x1 - x0, 3) uint8, blue-green-red."""
@@ -92,8 +94,8 @@ class Frame(Protocol):
 class ColourFrame:
     """A picture of interleaved colours: bgr8, rgb8, bgra8 or rgba8."""
 
-    def __init__(self, pixels: Picture, encoding: str = 'bgr8', is_jpeg: bool = False) -> None:
-        self.is_jpeg = is_jpeg
+    def __init__(self, pixels: Picture, encoding: str = 'bgr8', chroma_noise: float = 0.0) -> None:
+        self.chroma_noise = chroma_noise
         self.height, self.width = pixels.shape[:2]
         self._pixels = pixels
         self._reverse = encoding.startswith('rgb')
@@ -117,7 +119,7 @@ class YuyvFrame:
     """
 
     def __init__(self, pairs: Picture) -> None:
-        self.is_jpeg = False
+        self.chroma_noise = 0.0
         self.height, self.width = pairs.shape[0], pairs.shape[1] * 2
         self._pairs = pairs
 
@@ -142,7 +144,7 @@ class BayerFrame:
     """A colour mosaic of 8 bits; `encoding` names the order of its upper-left cell."""
 
     def __init__(self, mosaic: Picture, encoding: str) -> None:
-        self.is_jpeg = False
+        self.chroma_noise = 0.0
         self.height, self.width = mosaic.shape
         self._mosaic = mosaic
         self._code = _BAYER[encoding]
@@ -187,7 +189,8 @@ def decode(image: JpegImage | RawImage) -> Frame:
     steps that do not hold it, or of an encoding that has no colour or is unknown.
     """
     if isinstance(image, JpegImage):
-        return ColourFrame(decode_jpeg(image.data), is_jpeg=True)
+        pixels, header = _decoded_jpeg(image.data)
+        return ColourFrame(pixels, chroma_noise=header.chroma_noise)
     if isinstance(image, RawImage):
         return _decode_raw(image)
     msg = f'image is a {type(image).__name__}: pass a JpegImage or a RawImage'
@@ -199,37 +202,19 @@ def decode_jpeg(data: Bytes) -> Picture:
 
     Raises DetectionError where the data is no JPEG, ends early, is corrupt, or is too large.
     """
+    return _decoded_jpeg(data)[0]
+
+
+def _decoded_jpeg(data: Bytes) -> tuple[Picture, JpegHeader]:
     octets = _octets(data)
-    _check_size(*jpeg_size(octets))
+    header = read_header(octets)
+    _check_size(header.width, header.height)
     end = octets[-64:].tobytes().rstrip(b'\x00')
     if not end.endswith(b'\xff\xd9'):
         msg = f'JPEG of {octets.size} bytes has no end marker: it was cut short'
         raise DetectionError(msg)
-    return _decode_with_cv2(octets) if simplejpeg is None else _decode_with_simplejpeg(octets)
-
-
-def jpeg_size(octets: npt.NDArray[np.uint8]) -> tuple[int, int]:
-    """Read a JPEG's width and height, in pixels, from its header.
-
-    Raises DetectionError where no such header is found.
-    """
-    data = octets.tobytes() if octets.size < 1 << 12 else octets[: 1 << 16].tobytes()
-    if not data.startswith(b'\xff\xd8'):
-        msg = f'not a JPEG: {octets.size} bytes that begin with {data[:4].hex() or "nothing"}'
-        raise DetectionError(msg)
-    place = 2
-    while place + 9 <= len(data) and data[place] == 0xFF:
-        marker = data[place + 1]
-        if marker == 0xFF:
-            place += 1
-            continue
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            height = int.from_bytes(data[place + 5 : place + 7], 'big')
-            width = int.from_bytes(data[place + 7 : place + 9], 'big')
-            return width, height
-        place += 2 + int.from_bytes(data[place + 2 : place + 4], 'big')
-    msg = f'JPEG of {octets.size} bytes has no frame header: it is corrupt'
-    raise DetectionError(msg)
+    decoder = _decode_with_cv2 if simplejpeg is None else _decode_with_simplejpeg
+    return decoder(octets), header
 
 
 def _decode_with_simplejpeg(octets: npt.NDArray[np.uint8]) -> Picture:

@@ -1,0 +1,87 @@
+"""What a JPEG's header tells: the picture's size, and how coarsely its colour is rounded."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import DetectionError
+
+LOW_FREQUENCIES = 6
+"""Coefficients, from the lowest frequency on, whose steps tell how coarse colour is."""
+
+_WITHOUT_LENGTH = (0x01, *range(0xD0, 0xD8))
+_NO_FRAME = (0xC4, 0xC8, 0xCC)
+_START_OF_SCAN, _TABLES = 0xDA, 0xDB
+
+
+class JpegHeader(NamedTuple):
+    """Width and height in pixels, and the colour's rounding.
+
+    chroma_noise is the variance that rounding to the steps of the quantisation table leaves in a
+    colour difference (Cb or Cr), in grey levels^2 of a coefficient, times the number of pixels
+    that share one sample of it: 0 where there is no colour, or no table for it.
+    """
+
+    width: int
+    height: int
+    chroma_noise: float
+
+
+def read_header(octets: npt.NDArray[np.uint8]) -> JpegHeader:
+    """Read a JPEG's header.
+
+    Raises DetectionError where no such header is found.
+    """
+    data = octets.tobytes() if octets.size < 1 << 12 else octets[: 1 << 16].tobytes()
+    if not data.startswith(b'\xff\xd8'):
+        msg = f'not a JPEG: {octets.size} bytes that begin with {data[:4].hex() or "nothing"}'
+        raise DetectionError(msg)
+    tables: dict[int, float] = {}
+    frame = b''
+    place = 2
+    while place + 9 <= len(data) and data[place] == 0xFF:
+        marker = data[place + 1]
+        if marker == 0xFF or marker in _WITHOUT_LENGTH:
+            place += 1 if marker == 0xFF else 2
+            continue
+        end = place + 2 + int.from_bytes(data[place + 2 : place + 4], 'big')
+        if marker == _TABLES:
+            tables |= _variances(data[place + 4 : end])
+        elif 0xC0 <= marker <= 0xCF and marker not in _NO_FRAME:
+            frame = data[place + 4 : end]
+        elif marker == _START_OF_SCAN:
+            break
+        place = end
+    if len(frame) < 5:
+        msg = f'JPEG of {octets.size} bytes has no frame header: it is corrupt'
+        raise DetectionError(msg)
+    _, height, width = struct.unpack_from('>BHH', frame)
+    return JpegHeader(width, height, _chroma_noise(frame[6:], tables))
+
+
+def _variances(segment: bytes) -> dict[int, float]:
+    """By table, the mean variance of rounding to the steps of the lowest frequencies."""
+    found = {}
+    while segment:
+        wide, table = segment[0] >> 4, segment[0] & 15
+        steps = np.frombuffer(segment[1 : 65 + 64 * bool(wide)], '>u2' if wide else 'u1')
+        if steps.size < 64:
+            break
+        found[table] = float(np.mean(steps[:LOW_FREQUENCIES].astype(float) ** 2)) / 12
+        segment = segment[65 + 64 * bool(wide) :]
+    return found
+
+
+def _chroma_noise(components: bytes, tables: dict[int, float]) -> float:
+    """The second component's rounding, times the area of its samples in pixels."""
+    if len(components) < 9:
+        return 0.0
+    luma, chroma, table = components[1], components[4], components[5]
+    samples = (chroma >> 4) * (chroma & 15)
+    if not samples:
+        return 0.0
+    return tables.get(table, 0.0) * (luma >> 4) * (luma & 15) / samples
