@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 
@@ -60,6 +61,16 @@ class FlatInterface:
     def target_index(self) -> float:
         """The refractive index of the target's medium."""
         return self.indices[-1]
+
+    def with_target_index(self, index: float) -> FlatInterface:
+        """Return the interface with another medium beyond it.
+
+        Raises:
+            OpticsError: it is no refractive index of a clear medium.
+        """
+        other = copy.copy(self)
+        other.indices = (*self.indices[:-1], _index(index, len(self.indices) - 1))
+        return other
 
     def tilted(self, first: float, second: float) -> FloatArray:
         """Return the normal moved by two angles, rad, along the directions of `tangents`."""

@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.optics.aiming import Aim, aim
 from binopos_ros.optics.arithmetic import FLOATS, Arithmetic, Component
 from binopos_ros.optics.crossing import crossings
 from binopos_ros.optics.shooting import image_plane_jacobian
@@ -101,14 +102,21 @@ class ParallelPath:
 
 
 class CrossingPath:
-    """Planes at angles, as a housing's port before a tank's wall. Slower; floats go via arrays."""
+    """Planes at angles, as a housing's port before a tank's wall.
+
+    One point goes by Newton's method on its direction, and by way of an array where that fails.
+    """
 
     def __init__(self, surfaces: Surfaces) -> None:
         self._surfaces = surfaces
         self._indices = np.array(surfaces.indices)
+        self._basis = surfaces.last_basis
 
     def direction(self, point: Vector, arithmetic: Arithmetic) -> Vector:
-        """Return the point where the ray crosses the first plane."""
+        """Return the point where the ray crosses the first plane, or the direction with z = 1."""
+        aimed = self._aim(point, arithmetic)
+        if aimed is not None:
+            return aimed.a, aimed.b, 1.0
         surfaces, targets = self._surfaces, _rows(point)
         normals, offsets = surfaces.normals, surfaces.offsets
         known = np.isfinite(targets).all(axis=1)
@@ -129,18 +137,33 @@ class CrossingPath:
 
     def differentiate(self, point: Vector, arithmetic: Arithmetic) -> Departure:
         """Return the direction scaled to z = 1, and its derivatives by shooting."""
+        aimed = self._aim(point, arithmetic)
+        if aimed is not None:
+            a, b, a_by_point, b_by_point, a_by_index, b_by_index = aimed
+            by_point = a_by_point, b_by_point, (0.0, 0.0, 0.0)
+            return Departure((a, b, 1.0), by_point, (a_by_index, b_by_index, 0.0))
         vx, vy, vz = self.direction(point, arithmetic)
         a, b = vx / vz, vy / vz
-        by_point, by_parameters = image_plane_jacobian(
+        by_target, by_parameters = image_plane_jacobian(
             self._surfaces, np.atleast_1d(a), np.atleast_1d(b), _rows(point)
         )
-        jacobian = np.concatenate([by_point, by_parameters[:, :, :1]], axis=2)
+        jacobian = np.concatenate([by_target, by_parameters[:, :, :1]], axis=2)
         parts = np.moveaxis(jacobian, 0, -1)
         if arithmetic is FLOATS:
             parts = parts[..., 0].tolist()
         (ax, ay, az, an), (bx, by, bz, bn) = parts
         rows = ((ax, ay, az), (bx, by, bz), (0.0, 0.0, 0.0))
         return Departure((a, b, 1.0 + 0.0 * a), rows, (an, bn, 0.0))
+
+    def _aim(self, point: Vector, arithmetic: Arithmetic) -> Aim | None:
+        if arithmetic is not FLOATS:
+            return None
+        x, y, z = point
+        nx, ny, nz, offset, _ = self._surfaces.planes[-1]
+        # Only beyond the last plane is there a ray to be found; nan is not.
+        return (
+            aim(self._surfaces, self._basis, point) if x * nx + y * ny + z * nz > offset else None
+        )
 
 
 def path_through(surfaces: Surfaces) -> Path:

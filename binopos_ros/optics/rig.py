@@ -244,9 +244,23 @@ class StereoRig:
         if self.target_index is None:
             msg = 'this rig looks through no surface, so it has no target medium of its own'
             raise OpticsError(msg)
-        change = np.zeros(len(self.parameter_names))
-        change[0] = index - self.target_index
-        return self.perturbed(change)
+        # A live estimate asks for this often: what does not depend on the index is kept.
+        rig = type(self).__new__(type(self))
+        rig.left, rig.right = self.left, self.right
+        rig.rotation, rig.translation = self.rotation, self.translation
+        if self.interface is not None:
+            rig.interface = self.interface.with_target_index(index)
+            rig.left_port, rig.right_port = self.left_port, self.right_port
+        else:
+            rig.interface = None
+            rig.left_port, rig.right_port = (
+                port and port.with_target_index(index)
+                for port in (self.left_port, self.right_port)
+            )
+        rig.left_view = self.left_view.with_target_index(index)
+        rig.right_view = self.right_view.with_target_index(index)
+        rig.target_index = index
+        return rig
 
 
 def _changed(

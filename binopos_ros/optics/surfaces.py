@@ -7,6 +7,7 @@ parameters of the interfaces.
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 from typing import NamedTuple
 
@@ -83,7 +84,7 @@ class Surfaces:
         if self.parallel and (np.diff(self.offsets) <= 0.0).any():
             msg = f"the {name} camera's port reaches beyond the interface; mend their distances"
             raise OpticsError(msg)
-        self._planes = tuple(
+        self.planes = tuple(
             (*normal, offset, first / second)
             for normal, offset, first, second in zip(
                 self.normals.tolist(),
@@ -111,7 +112,7 @@ class Surfaces:
         """
         sqrt, _, _, _, keep = arithmetic
         x = y = z = 0.0 * ux
-        for nx, ny, nz, offset, ratio in self._planes:
+        for nx, ny, nz, offset, ratio in self.planes:
             cosine = ux * nx + uy * ny + uz * nz
             cosine = keep(cosine, cosine > 0.0, MISSES_SURFACE)
             reach = (offset - (x * nx + y * ny + z * nz)) / cosine
@@ -123,10 +124,22 @@ class Surfaces:
             ux, uy, uz = ratio * ux + along * nx, ratio * uy + along * ny, ratio * uz + along * nz
         return x, y, z, ux, uy, uz
 
+    def with_target_index(self, index: float) -> Surfaces:
+        """Return the same planes with another medium beyond the last one."""
+        other = copy.copy(self)
+        other.indices = (*self.indices[:-1], index)
+        other.planes = (*self.planes[:-1], (*self.planes[-1][:-1], self.indices[-2] / index))
+        return other
+
     @cached_property
     def bases(self) -> FloatArray:
         """Two unit vectors in each plane, (planes, 2, 3)."""
         return np.array([tangents(normal) for normal in self.normals]).reshape(-1, 2, 3)
+
+    @cached_property
+    def last_basis(self) -> tuple[tuple[float, float, float], ...]:
+        """The two of the last plane, as floats."""
+        return tuple(tuple(vector) for vector in self.bases[-1].tolist())
 
     @cached_property
     def seeds(self) -> Seeds:

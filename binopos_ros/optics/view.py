@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -60,6 +61,13 @@ class View:
         self._rows = rotation.tolist()
         self._shift = translation.tolist()
         self._is_rig_frame = bool((rotation == np.eye(3)).all() and not translation.any())
+
+    def with_target_index(self, index: float) -> View:
+        """Return the view into a target medium of another index."""
+        other = copy.copy(self)
+        other.surfaces = self.surfaces.with_target_index(index)
+        other._path = path_through(other.surfaces)
+        return other
 
     def pixel(self, point: Vector, arithmetic: Arithmetic = ARRAYS) -> tuple[Component, Component]:
         """Project a point of the rig frame, given by components, m."""

@@ -79,6 +79,7 @@ def gather_evidence(
     right_cov: ArrayLike | None = None,
     changes: Sequence[StereoRig] = (),
     calibration_std: float = 0.0,
+    near: tuple[float, float, float] | None = None,
 ) -> Evidence:
     """Triangulate one pair at the rig's index, and tell how far and how surely that is off.
 
@@ -92,6 +93,7 @@ def gather_evidence(
             for each of them.
         calibration_std: px; above 0 it adds four considered parameters: what the calibration
             puts all left u, left v, right u and right v beside where they belong.
+        near: about where the point is, m, where that is known.
 
     Raises:
         TriangulationError, OpticsError: as `triangulate` raises them.
@@ -108,35 +110,35 @@ def gather_evidence(
     try:
         whiten_left = whitening(covariances[0], 'left', FLOATS)
         whiten_right = whitening(covariances[1], 'right', FLOATS)
-        fit = fit_point(
-            rig, Pair((left[0], left[1]), (right[0], right[1]), whiten_left, whiten_right)
-        )
-        sights = [view.sight(fit.point, FLOATS) for view in rig.views]
+        pair = Pair((left[0], left[1]), (right[0], right[1]), whiten_left, whiten_right)
+        fit = fit_point(rig, pair, near)
         changed = [[view.pixel(fit.point, FLOATS) for view in other.views] for other in changes]
     except NoRayError as no_ray:
         return _no_point(index, str(no_ray), count)
 
-    left_over: list[float] = []
-    for sight, whitener in zip(sights, (whiten_left, whiten_right), strict=True):
-        du = sight.u_by_index + dot(sight.u_by_point, fit.by_index)
-        dv = sight.v_by_index + dot(sight.v_by_point, fit.by_index)
-        left_over += _whitened(du, dv, whitener)
+    linear = fit.linear
+    left_over = [
+        by_index + dot(row, fit.by_index)
+        for by_index, row in zip(linear.by_index, linear.rows, strict=True)
+    ]
     gain = math.sqrt(sum(p * p for p in left_over))
     direction = [p / gain for p in left_over] if gain > 0.0 else [0.0] * 4
     xx, xy, xz, yy, yz, zz = fit.covariance
     covariance = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    residuals = np.array(
+        [*colour(fit.residual[:2], whiten_left), *colour(fit.residual[2:], whiten_right)]
+    )
     shared, by_shared = np.zeros(0), np.zeros((3, 0))
     if count:
-        images = np.array([(sight.u, sight.v) for sight in sights]).ravel()
-        shifts = np.array(changed).reshape(-1, 4) - images
-        if calibration_std > 0.0:
-            shifts = np.vstack([shifts / STEP, calibration_std * np.eye(4)])
-        else:
-            shifts /= STEP
         whiten = _block_diagonal(whiten_left, whiten_right)
-        rows = whiten @ np.array([row for s in sights for row in (s.u_by_point, s.v_by_point)])
-        whitened = whiten @ shifts.T
-        shared, by_shared = direction @ whitened, -covariance @ (rows.T @ whitened)
+        whitened = np.empty((4, count))
+        if changes:
+            images = np.array([*left, *right]) - residuals
+            shifts = np.array(changed).reshape(-1, 4) - images
+            whitened[:, : len(changes)] = whiten @ (shifts / STEP).T
+        whitened[:, len(changes) :] = calibration_std * whiten[:, : count - len(changes)]
+        shared = direction @ whitened
+        by_shared = -covariance @ (np.array(linear.rows).T @ whitened)
     return Evidence(
         at=index,
         reason='',
@@ -145,9 +147,7 @@ def gather_evidence(
         covariance=covariance,
         by_index=np.array(fit.by_index),
         by_shared=by_shared,
-        residuals=np.array(
-            [*colour(fit.residual[:2], whiten_left), *colour(fit.residual[2:], whiten_right)]
-        ),
+        residuals=residuals,
     )
 
 
@@ -157,11 +157,6 @@ def _block_diagonal(left: Whitening, right: Whitening) -> Array:
         whiten[first, first], whiten[first + 1, first + 1] = l11, l22
         whiten[first + 1, first] = l21
     return whiten
-
-
-def _whitened(u: float, v: float, whitener: Whitening) -> tuple[float, float]:
-    l11, l21, l22 = whitener
-    return l11 * u, l21 * u + l22 * v
 
 
 def _numbers(values: ArrayLike, count: int, what: str) -> list[float]:

@@ -133,7 +133,9 @@ class IndexEstimator:
             gate,
             huber,
         )
-        self._rigs: tuple[StereoRig, StereoRig, list[StereoRig]] | None = None
+        self._given: StereoRig | None = None
+        self._changed: list[StereoRig] = []
+        self._assumed: tuple[StereoRig, list[StereoRig]] | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -164,10 +166,21 @@ class IndexEstimator:
             TriangulationError, OpticsError: as `triangulate` raises them.
         """
 
-        def gather(index: float) -> Evidence:
+        def gather(index: float, known: Evidence | None = None) -> Evidence:
             assumed, changes = self._rigs_near(rig, index)
+            near = None
+            if known is not None:
+                x, y, z = (known.point + (index - known.at) * known.by_index).tolist()
+                near = x, y, z
             return gather_evidence(
-                assumed, left_px, right_px, left_cov, right_cov, changes, self._calibration_std
+                assumed,
+                left_px,
+                right_px,
+                left_cov,
+                right_cov,
+                changes,
+                self._calibration_std,
+                near,
             )
 
         elapsed = 0.0 if self._stamp is None else max(stamp - self._stamp, 0.0)
@@ -184,33 +197,36 @@ class IndexEstimator:
             index = _possible(holder.told(verdict.belief).mean)
             if abs(index - evidence.at) <= _RELINEARISE:
                 break
-            nearer = gather(index)
+            nearer = gather(index, evidence)
             if nearer.reason:
                 break
             evidence, verdict = nearer, holder.weigh(nearer)
         if self._trial.take(verdict, evidence):
-            nearer = gather(_possible(self._trial.holder.told().mean))
+            nearer = gather(_possible(self._trial.holder.told().mean), evidence)
             evidence = evidence if nearer.reason else nearer
         return self._state(evidence, verdict.reason)
 
     def _rigs_near(self, rig: StereoRig, index: float) -> tuple[StereoRig, list[StereoRig]]:
         """Return the rig with about this index, and its copies with one error each.
 
-        To build them takes longer than to triangulate, so they serve until the index has moved.
+        They serve until the index has moved.
         """
-        if self._rigs is not None and self._rigs[0] is rig:
-            _, assumed, changes = self._rigs
+        if self._given is not rig:
+            if len(self._errors) and self._errors.shape[1] != len(rig.parameter_names):
+                msg = (
+                    f'parameter covariance is for {self._errors.shape[1]} parameters, and the rig '
+                    f'has {len(rig.parameter_names)}: {", ".join(rig.parameter_names)}'
+                )
+                raise TriangulationError(msg)
+            self._given, self._assumed = rig, None
+            self._changed = [rig.perturbed(STEP * error) for error in self._errors]
+        if self._assumed is not None:
+            assumed, changes = self._assumed
             if abs(cast(float, assumed.target_index) - index) <= _RELINEARISE:
                 return assumed, changes
-        if len(self._errors) and self._errors.shape[1] != len(rig.parameter_names):
-            msg = (
-                f'parameter covariance is for {self._errors.shape[1]} parameters, and the rig has '
-                f'{len(rig.parameter_names)}: {", ".join(rig.parameter_names)}'
-            )
-            raise TriangulationError(msg)
         assumed = rig.with_target_index(index)
-        changes = [assumed.perturbed(STEP * error) for error in self._errors]
-        self._rigs = rig, assumed, changes
+        changes = [changed.with_target_index(index) for changed in self._changed]
+        self._assumed = assumed, changes
         return assumed, changes
 
     def _state(self, evidence: Evidence, reason: str) -> IndexState:

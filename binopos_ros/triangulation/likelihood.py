@@ -68,6 +68,7 @@ class Fit(NamedTuple):
     residual: tuple[Component, Component, Component, Component]  # whitened
     by_index: Vector  # how the point moves with the index assumed, m
     decrement: Component  # squared length of the last step, in standard deviations
+    linear: Linear  # the problem that the last step solved
 
 
 def covariance_terms(covariances: NDArray[np.float64]) -> tuple[Component, ...]:
@@ -121,14 +122,14 @@ def fit_block(rig: StereoRig, pair: Pair) -> Fit:
     return fit
 
 
-def fit_point(rig: StereoRig, pair: Pair) -> Fit:
-    """Fit one point, given in floats.
+def fit_point(rig: StereoRig, pair: Pair, near: Vector | None = None) -> Fit:
+    """Fit one point, given in floats; from `near` on, where that is known.
 
     Raises:
         NoRayError: there is none; says why.
 
     """
-    point = _start(rig, pair, FLOATS)
+    point = near or _start(rig, pair, FLOATS)
     linear = _linearise(rig, point, pair, FLOATS)
     for _ in range(CAREFUL_STEPS):
         fit = _step(point, linear, FLOATS)
@@ -210,6 +211,7 @@ def _step(point: Vector, linear: Linear, arithmetic: Arithmetic) -> Fit:
         (e - dot(p, step), f - dot(q, step), g - dot(r, step), h - dot(s, step)),
         (-by_index[0], -by_index[1], -by_index[2]),
         dot(gradient, step),
+        linear,
     )
 
 

@@ -79,6 +79,12 @@ def bent_rig(request: pytest.FixtureRequest) -> StereoRig:
 
 
 @pytest.fixture
+def crossed() -> StereoRig:
+    """Ports before a wall that leans against them."""
+    return RIGS['ports before a wall']
+
+
+@pytest.fixture
 def points() -> np.ndarray:
     """105 points (105, 3) beyond all surfaces and before both cameras, m."""
     return np.random.default_rng(3).uniform([-0.5, -0.4, 1.15], [0.6, 0.4, 2.5], (105, 3))

@@ -1,0 +1,183 @@
+"""The ray to one point through planes at angles, on plain floats, by Newton's method.
+
+A ray leaves the camera along (a, b, 1), is bent at each plane and lands on the plane through the
+target that is parallel to the last surface. Its derivatives by a and b are carried along, and
+Newton's method asks that it lands on the target. As there is only one ray (see `crossing.py`), the
+one found is it; where Newton's method goes astray, near grazing, there is none found here, and
+`crossing.crossings` finds it more slowly from anywhere. The derivatives by the target and by its
+medium's index follow from the last step (implicit function theorem).
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+from binopos_ros.optics.surfaces import Surfaces
+
+Vector = tuple[float, float, float]
+
+MAX_STEPS = 10
+#: Step of a and b that the next one would make about the square of.
+SETTLED = 1e-9
+
+
+class Aim(NamedTuple):
+    """A ray's direction (a, b, 1) and its derivatives by the target, 1/m, and its index."""
+
+    a: float
+    b: float
+    a_by_target: Vector
+    b_by_target: Vector
+    a_by_index: float
+    b_by_index: float
+
+
+class _Landing(NamedTuple):
+    """Where a ray leaves the last plane and how it goes on from there, with derivatives by a, b.
+
+    `before` is the ray's direction before the last plane.
+    """
+
+    position: Vector
+    position_by: tuple[Vector, Vector]
+    direction: Vector
+    direction_by: tuple[Vector, Vector]
+    before: Vector
+
+
+def aim(surfaces: Surfaces, basis: tuple[Vector, ...], target: Vector) -> Aim | None:
+    """Return the ray from the camera's centre to a target beyond the last plane.
+
+    Args:
+        surfaces: at least one plane.
+        basis: two unit vectors in the last plane.
+        target: m, camera frame.
+
+    Returns:
+        None where Newton's method finds no ray; there may be one.
+
+    """
+    tx, ty, tz = target
+    if tz <= 0.0:
+        return None
+    a, b = tx / tz, ty / tz
+    nx, ny, nz, *_ = surfaces.planes[-1]
+    (px, py, pz), (qx, qy, qz) = basis
+    for _ in range(MAX_STEPS):
+        ray = _shoot(surfaces.planes, a, b)
+        if ray is None:
+            return None
+        (x, y, z), (xa, xb), (ux, uy, uz), (ua, ub), before = ray
+        cosine = ux * nx + uy * ny + uz * nz
+        reach = ((tx - x) * nx + (ty - y) * ny + (tz - z) * nz) / cosine
+        # What the landing misses the target by, and its derivatives, in the last plane's basis.
+        ex, ey, ez = tx - x - reach * ux, ty - y - reach * uy, tz - z - reach * uz
+        up, uq = px * ux + py * uy + pz * uz, qx * ux + qy * uy + qz * uz
+        columns = []
+        for (dx, dy, dz), (vx, vy, vz) in ((xa, ua), (xb, ub)):
+            mx, my, mz = dx + reach * vx, dy + reach * vy, dz + reach * vz
+            change = (mx * nx + my * ny + mz * nz) / cosine
+            columns.append(
+                (
+                    px * mx + py * my + pz * mz - change * up,
+                    qx * mx + qy * my + qz * mz - change * uq,
+                )
+            )
+        (pa, qa), (pb, qb) = columns
+        determinant = pa * qb - pb * qa
+        if determinant == 0.0:
+            return None
+        ep, eq = px * ex + py * ey + pz * ez, qx * ex + qy * ey + qz * ez
+        da = (qb * ep - pb * eq) / determinant
+        db = (pa * eq - qa * ep) / determinant
+        a, b = a + da, b + db
+        if abs(da) + abs(db) <= SETTLED * (1.0 + abs(a) + abs(b)):
+            break
+    else:
+        return None
+    # Moving the target along the ray changes nothing.
+    fp, fq = up / cosine, uq / cosine
+    p_by = (px - fp * nx, py - fp * ny, pz - fp * nz)
+    q_by = (qx - fq * nx, qy - fq * ny, qz - fq * nz)
+    bent = _by_last_index(surfaces, before)
+    slip = (bent[0] * nx + bent[1] * ny + bent[2] * nz) / cosine
+    ip = reach * (px * bent[0] + py * bent[1] + pz * bent[2] - slip * up)
+    iq = reach * (qx * bent[0] + qy * bent[1] + qz * bent[2] - slip * uq)
+    aa, ab, ba, bb = qb / determinant, -pb / determinant, -qa / determinant, pa / determinant
+    return Aim(
+        a,
+        b,
+        (aa * p_by[0] + ab * q_by[0], aa * p_by[1] + ab * q_by[1], aa * p_by[2] + ab * q_by[2]),
+        (ba * p_by[0] + bb * q_by[0], ba * p_by[1] + bb * q_by[1], ba * p_by[2] + bb * q_by[2]),
+        -(aa * ip + ab * iq),
+        -(ba * ip + bb * iq),
+    )
+
+
+def _shoot(
+    planes: tuple[tuple[float, float, float, float, float], ...], a: float, b: float
+) -> _Landing | None:
+    """Follow a ray to the last plane; None where it is reflected or misses one."""
+    scale = 1.0 / sqrt(a * a + b * b + 1.0)
+    ux, uy, uz = a * scale, b * scale, scale
+    # Derivatives of the unit direction by a (v) and b (w), of the place by a (f) and b (g).
+    vx, vy, vz = (1.0 - ux * ux) * scale, -ux * uy * scale, -ux * uz * scale
+    wx, wy, wz = -uy * ux * scale, (1.0 - uy * uy) * scale, -uy * uz * scale
+    x = y = z = fx = fy = fz = gx = gy = gz = 0.0
+    before = ux, uy, uz
+    for nx, ny, nz, offset, ratio in planes:
+        before = ux, uy, uz
+        cosine = ux * nx + uy * ny + uz * nz
+        if cosine <= 0.0:
+            return None
+        reach = (offset - (x * nx + y * ny + z * nz)) / cosine
+        sine2 = 1.0 - cosine * cosine
+        square = 1.0 - ratio * ratio * sine2
+        if reach <= 0.0 or square <= 0.0:
+            return None
+        root = sqrt(square)
+        along = root - ratio * cosine
+        bend = ratio * (ratio * cosine / root - 1.0)  # d along / d cosine
+        turn = vx * nx + vy * ny + vz * nz
+        slip = -(fx * nx + fy * ny + fz * nz + reach * turn) / cosine
+        fx, fy, fz = (
+            fx + slip * ux + reach * vx,
+            fy + slip * uy + reach * vy,
+            fz + slip * uz + reach * vz,
+        )
+        turn *= bend
+        vx, vy, vz = ratio * vx + turn * nx, ratio * vy + turn * ny, ratio * vz + turn * nz
+        turn = wx * nx + wy * ny + wz * nz
+        slip = -(gx * nx + gy * ny + gz * nz + reach * turn) / cosine
+        gx, gy, gz = (
+            gx + slip * ux + reach * wx,
+            gy + slip * uy + reach * wy,
+            gz + slip * uz + reach * wz,
+        )
+        turn *= bend
+        wx, wy, wz = ratio * wx + turn * nx, ratio * wy + turn * ny, ratio * wz + turn * nz
+        x, y, z = x + reach * ux, y + reach * uy, z + reach * uz
+        ux, uy, uz = ratio * ux + along * nx, ratio * uy + along * ny, ratio * uz + along * nz
+    return _Landing(
+        (x, y, z),
+        ((fx, fy, fz), (gx, gy, gz)),
+        (ux, uy, uz),
+        ((vx, vy, vz), (wx, wy, wz)),
+        before,
+    )
+
+
+def _by_last_index(surfaces: Surfaces, before: Vector) -> Vector:
+    """Return how the direction beyond the last plane turns with the last medium's index."""
+    nx, ny, nz, _, ratio = surfaces.planes[-1]
+    ux, uy, uz = before
+    cosine = ux * nx + uy * ny + uz * nz
+    sine2 = 1.0 - cosine * cosine
+    by_index = -ratio / surfaces.indices[-1]
+    along = -(ratio * sine2 / sqrt(1.0 - ratio * ratio * sine2) + cosine)
+    return (
+        by_index * (ux + along * nx),
+        by_index * (uy + along * ny),
+        by_index * (uz + along * nz),
+    )
