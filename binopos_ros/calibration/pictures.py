@@ -30,6 +30,8 @@ def available() -> bool:
 def residual_maps(fit: Adjustment, views: Sequence[View]) -> bytes:
     """Mean residual vectors over each camera's picture: arrows in order are a lens misfit."""
     figure, axes = _figure(len(fit.state.cameras), 5.6, 4.4)
+    # An arrow of a mean of the points' noise, as it is where nothing is amiss, is short but seen.
+    key = float(min((0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0), key=lambda k: abs(k - fit.sigma)))
     for side, axis in enumerate(axes):
         width, height = fit.state.cameras[side].size
         pixels = np.concatenate([view.pixels[side] for view in views])
@@ -57,11 +59,11 @@ def residual_maps(fit: Adjustment, views: Sequence[View]) -> bytes:
             mean[filled, 1],
             angles='xy',
             scale_units='xy',
-            scale=0.2 * columns / width,
+            scale=2.0 * key * columns / width,
             color='tab:red',
             width=0.004,
         )
-        axis.quiverkey(arrows, 0.9, 1.03, 0.1, '0.1 px', labelpos='E')
+        axis.quiverkey(arrows, 0.86, 1.03, key, f'{key:g} px', labelpos='E')
         _as_picture(axis, width, height, f'{SIDES[side]}: mean residuals')
     return _png(figure)
 
@@ -77,7 +79,8 @@ def per_view(fit: Adjustment, views: Sequence[View]) -> bytes:
     axis.axhline(fit.rms(), color='black', linewidth=0.8, linestyle='--', label='all')
     axis.set_ylabel('RMS (px)')
     if len(views) <= MOST_NAMES:
-        axis.set_xticks(places, [view.name.split('|')[0] for view in views], rotation=60)
+        axis.set_xticks(places, _short_names(views), rotation=60)
+    axis.set_xlim(-0.6, len(views) - 0.4)
     axis.legend(ncols=3)
     return _png(figure)
 
@@ -123,14 +126,26 @@ def predicted(errors: ErrorMap) -> bytes:
     """Predicted standard deviation of a position over the working volume."""
     figure, axes = _figure(2, 5.6, 4.4)
     extent = (*1000 * errors.x[[0, -1]], *1000 * errors.z[[0, -1]])
-    titles = ('with 0.1 px in the target', 'from the calibration alone')
+    titles = ('a target seen to 0.1 px', 'from the calibration alone')
     for axis, values, title in zip(axes, (errors.total, errors.calibration), titles, strict=True):
         image = axis.imshow(
             1000 * values, extent=extent, origin='lower', aspect='auto', cmap='viridis', vmin=0
         )
         figure.colorbar(image, ax=axis, label='mm')
-        axis.set(xlabel='x (mm)', ylabel='z (mm)', title=title)
+        axis.set(
+            xlabel='x, to the right (mm)', ylabel='z, away from the cameras (mm)', title=title
+        )
     return _png(figure)
+
+
+def _short_names(views: Sequence[View]) -> list[str]:
+    """The left picture's name; of a bag, whose views bear stamps, the seconds since the first."""
+    names = [view.name.split('|')[0] for view in views]
+    try:
+        stamps = [float(name) for name in names]
+    except ValueError:
+        return names
+    return [f'{stamp - stamps[0]:.1f} s' for stamp in stamps]
 
 
 def _figure(columns: int, width: float, height: float) -> tuple[Any, list[Any]]:

@@ -8,14 +8,28 @@ import numpy as np
 
 from binopos_ros.calibration.adjust import Adjustment
 from binopos_ros.calibration.interface import InterfaceCalibration
-from binopos_ros.calibration.state import LEFT, RIGHT, SIDES, TARGET_INDEX
+from binopos_ros.calibration.state import LEFT, RIGHT, SIDES, TARGET_INDEX, logarithm
 from binopos_ros.calibration.stereo import StereoCalibration
 from binopos_ros.calibration.verdicts import advice, verdicts
 from binopos_ros.calibration.views import Dropped
 
+Rows = list[tuple[str, str]]
+
 
 def summarise_stereo(calibration: StereoCalibration) -> str:
-    """The outcome of `calibrate stereo`."""
+    """The outcome of `calibrate stereo`, for the terminal."""
+    return _table(stereo_rows(calibration)) + _dropped(calibration.dropped)
+
+
+def summarise_interface(calibration: InterfaceCalibration) -> str:
+    """The outcome of `calibrate interface`, for the terminal."""
+    words = [f'  {verdict.text}' for verdict in verdicts(calibration)]
+    table = _table(interface_rows(calibration)) + _dropped(calibration.dropped)
+    return '\n'.join([table, *words, f'Next: {advice(calibration)}'])
+
+
+def stereo_rows(calibration: StereoCalibration) -> Rows:
+    """What `calibrate stereo` found, by name."""
     fit = calibration.adjustment
     rows = [
         ('views used', f'{len(calibration.views)} of the {calibration.board}'),
@@ -45,12 +59,12 @@ def summarise_stereo(calibration: StereoCalibration) -> str:
         ('held-out RMS, board posed by both', f'{held_out.rms:.3f} px'),
         ('held-out RMS, posed by the left alone', f'{held_out.transfer:.3f} px'),
     ]
-    return _table(rows) + _dropped(calibration.dropped)
+    return rows
 
 
-def summarise_interface(calibration: InterfaceCalibration) -> str:
-    """The outcome of `calibrate interface`."""
-    rows: list[tuple[str, str]] = []
+def interface_rows(calibration: InterfaceCalibration) -> Rows:
+    """What `calibrate interface` found, by name."""
+    rows: Rows = []
     if calibration.adjustment is not None:
         rows += [
             ('views used', str(len(calibration.views))),
@@ -67,9 +81,32 @@ def summarise_interface(calibration: InterfaceCalibration) -> str:
         rows += [
             (f'{place}.thicknesses.{i}', f'{t:.5f} m') for i, t in enumerate(interface.thicknesses)
         ]
-    words = [f'  {verdict.text}' for verdict in verdicts(calibration)]
-    table = _table(rows) + _dropped(calibration.dropped)
-    return '\n'.join([table, *words, f'Next: {advice(calibration)}'])
+    return rows
+
+
+def camera_rows(fit: Adjustment) -> list[tuple[str, str, str, str]]:
+    """Name, value, standard deviation and unit of the cameras' parameters."""
+    state = fit.state
+    values: dict[str, float] = {}
+    for side, camera in zip(SIDES, state.cameras, strict=True):
+        numbers = (*camera.focal, *camera.centre, *camera.lens)
+        own = [name for name in state.names if name.startswith(f'{side}.')]
+        values |= dict(zip(own, numbers, strict=True))
+    turn = np.degrees(logarithm(state.rotation))
+    values |= {f'rotation.{axis}': value for axis, value in zip('xyz', turn, strict=True)}
+    shift = 1000.0 * state.translation
+    values |= {f'translation.{axis}': value for axis, value in zip('xyz', shift, strict=True)}
+    rows = []
+    for name, value in values.items():
+        unit, scale = '', 1.0
+        if name.startswith('rotation'):
+            unit, scale = 'degrees', float(np.degrees(1.0))
+        elif name.startswith('translation'):
+            unit, scale = 'mm', 1000.0
+        elif name.split('.')[1] in ('fx', 'fy', 'cx', 'cy'):
+            unit = 'px'
+        rows.append((name, f'{value:.6g}', f'{scale * fit.deviation(name):.2g}', unit))
+    return rows
 
 
 def _noise(fit: Adjustment) -> str:
@@ -77,7 +114,7 @@ def _noise(fit: Adjustment) -> str:
     words = f'{fit.sigma:.3f} px in a coordinate'
     if fit.variance_factor > 1.0:
         times = fit.effective_sigma / fit.sigma
-        return f'{words}, alike within a view: what is stated is {times:.1f} times as wide for it'
+        return f'{words}, alike within a view: deviations widened {times:.1f} times'
     return f'{words}, independent from point to point'
 
 

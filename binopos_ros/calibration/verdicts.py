@@ -18,6 +18,7 @@ from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.interface import InterfaceCalibration
 from binopos_ros.calibration.projection import Pose
 from binopos_ros.calibration.state import TARGET_INDEX
+from binopos_ros.calibration.views import coverage
 
 DETERMINED, WEAK, PRIOR = 'determined', 'weakly determined', 'not determined'
 IMPROVED = 0.7  # times the prior's deviation: above it the pictures added next to nothing
@@ -25,6 +26,7 @@ WANTED = {TARGET_INDEX: 0.005, 'normal': np.radians(0.2), 'distance': 0.006}
 LAYER_WANTED = {'thicknesses': 0.02, 'indices': 0.02}  # parts of the value
 FEW_VIEWS = 8
 LITTLE_TILT = 25.0  # degrees
+EMPTY = 0.5  # of the pictures' parts
 SHALLOW = 0.15  # of the nearest board's distance
 
 
@@ -44,6 +46,20 @@ class Verdict:
     deviation: float
     grade: str
     text: str
+
+    @property
+    def value_in_words(self) -> str:
+        """The value with its unit."""
+        if '.normal.' in self.name:
+            return f'{np.degrees(self.value):.2f} degrees off the optical axis'
+        if 'distance' in self.name or 'thicknesses' in self.name:
+            return f'{1000 * self.value:.2f} mm'
+        return f'{self.value:.5f}'
+
+    @property
+    def spread_in_words(self) -> str:
+        """The standard deviation with its unit."""
+        return _spread_in_words(self.name, self.deviation)
 
 
 def verdicts(calibration: InterfaceCalibration) -> list[Verdict]:
@@ -72,8 +88,28 @@ def advice(calibration: InterfaceCalibration) -> str:
     worst = [v for v in worst if v.name.split('.')[-2:-1] not in (['thicknesses'], ['indices'])]
     worst = [v for v in worst if not _is_of_a_plate(calibration, v.name)]
     if not worst:
-        return 'Nothing: every parameter that positions depend on is determined.'
+        return 'Nothing must be done: every parameter that positions depend on is determined.' + (
+            _still_better(calibration)
+        )
     return worst[0].text
+
+
+def _still_better(calibration: InterfaceCalibration) -> str:
+    """Whether more of the pictures should be filled: it helps more than anything else."""
+    fit = calibration.adjustment
+    boards = [view for view in calibration.views if view.turns]
+    if fit is None or not boards:
+        return ''
+    empty = []
+    for side, camera in enumerate(fit.state.cameras):
+        seen = np.concatenate([view.pixels[side] for view in boards])
+        empty.append(float(np.mean(coverage(seen, camera.size) == 0)))
+    if min(empty) < EMPTY:
+        return ''
+    return (
+        f' Better still: hold the board in the outer parts of the pictures as well '
+        f'({100 * min(empty):.0f} % of their parts hold no point).'
+    )
 
 
 def _value(calibration: InterfaceCalibration, name: str) -> float:
