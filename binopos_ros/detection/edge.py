@@ -58,12 +58,15 @@ LEVERAGE_PIXELS = 150
 """The mean leverage is taken over about as many pixels."""
 
 LEAST_FACTOR = 0.8
-CHROMA_FACTOR = 4.3
-"""JPEG's rounding of colour follows the picture, so the fit takes it for outline and residuals do
-not show it: so much of it comes on top (rendered discs of 8 to 120 px, quality 70 to 95)."""
+LUMA_FACTOR, CHROMA_FACTOR = 0.4, 7.0
+"""JPEG's rounding follows the picture, so the fit takes it for outline and residuals do not show
+it: so much of it comes on top (rendered discs of 8 to 120 px, quality 70 to 95, 4:2:0)."""
 
-# How blue, green and red take part in the colour differences Cb and Cr (ITU-T T.871).
-_CHROMA = np.array([[1.772, -0.344, 0.0], [0.0, -0.714, 1.402]])
+# What an error of luma, and one of each colour difference, does to blue, green and red, as
+# covariances (ITU-T T.871).
+_LUMA = np.ones((3, 3))
+_CHROMA = np.outer((1.772, -0.344, 0), (1.772, -0.344, 0))
+_CHROMA += np.outer((0, -0.714, 1.402), (0, -0.714, 1.402))
 
 # The model's terms, by their rows. Those that depend on the distance alone come first.
 BLUR, PROFILE, INSIDE, OUTSIDE = 0, slice(1, 3), 3, 4
@@ -137,7 +140,8 @@ class EdgeFit:
         self._system = self._rows_of_all[1:]
         self._system[TERMS:] = window.pixels.reshape(-1, 3).take(places, 0).T
         self._likely = _LIKELY + (a + d) * _LIKELY_SLOPES
-        self._chroma_noise = frame.chroma_noise
+        luma, chroma = frame.rounding
+        self._rounding = LUMA_FACTOR * luma * _LUMA + CHROMA_FACTOR * chroma * _CHROMA
         rest = self._solve(FIRST_NOISE)
         axis = self._choose_axis(rest)
         self._move(self._solution @ axis)
@@ -197,14 +201,13 @@ class EdgeFit:
         influence = self._inverse[MOTION].astype(np.float32) @ self._design
         weight = _sum_of_rows(influence * influence)
         sums = self._sums_over_blocks((np.sqrt(weight) * rest).astype(float))
-        noise = sums.copy()
+        noise = sums + float(weight.sum()) * self._rounding
         noise.ravel()[::4] += SHARED_NOISE * sum(sums.ravel()[::4].tolist()) + 1e-12
         row = cv2.solve(noise, difference[:, None], flags=cv2.DECOMP_CHOLESKY)[1].ravel()
         axis: Array = row / (row @ difference)
         left = axis.astype(np.float32) @ rest
         squared = left * left
-        parts = _CHROMA @ axis
-        self._chroma_variance = CHROMA_FACTOR * self._chroma_noise * float(parts @ parts)
+        self._hidden = float(axis @ self._rounding @ axis)
         self._noise = 2.5 * float(squared.sum()) / left.size
         self._correlation = float(axis @ sums @ axis) / float(weight @ squared)
         return axis
@@ -263,7 +266,7 @@ class EdgeFit:
         total = float(weight.sum())
         variance = float(weight @ (self._left * self._left)) / (total * kept) + 1e-12
         factor = max(self._correlation * kept + RETURNED * taken * SHARED_EDGE, LEAST_FACTOR)
-        variance = variance * factor + self._chroma_variance
+        variance = variance * factor + self._hidden
         covariance: Array = self._inverse[MOTION, MOTION] * variance
         return covariance
 

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .errors import DetectionError
-from .jpeg import JpegHeader, read_header
+from .jpeg import JpegHeader, Rounding, read_header
 
 try:
     import simplejpeg
@@ -36,6 +36,7 @@ MAX_PIXELS = 1 << 25
 """Larger pictures are refused before they are decoded: a lying header must not take the memory."""
 
 MIN_SIDE = 8
+NOT_ROUNDED = Rounding()
 BAYER_MARGIN = 4
 
 _BAYER = {
@@ -75,8 +76,7 @@ class Frame(Protocol):
 
     width: int
     height: int
-    chroma_noise: float
-    """`JpegHeader.chroma_noise`, or 0 for a picture that never was a JPEG."""
+    rounding: Rounding
 
     def window(self, x0: int, y0: int, x1: int, y1: int) -> Picture:
         """Give a window's pixels, (y1 - y0, x1 - x0, 3) uint8, blue-green-red."""
@@ -94,8 +94,10 @@ class Frame(Protocol):
 class ColourFrame:
     """A picture of interleaved colours: bgr8, rgb8, bgra8 or rgba8."""
 
-    def __init__(self, pixels: Picture, encoding: str = 'bgr8', chroma_noise: float = 0.0) -> None:
-        self.chroma_noise = chroma_noise
+    def __init__(
+        self, pixels: Picture, encoding: str = 'bgr8', rounding: Rounding = NOT_ROUNDED
+    ) -> None:
+        self.rounding = rounding
         self.height, self.width = pixels.shape[:2]
         self._pixels = pixels
         self._reverse = encoding.startswith('rgb')
@@ -119,7 +121,7 @@ class YuyvFrame:
     """
 
     def __init__(self, pairs: Picture) -> None:
-        self.chroma_noise = 0.0
+        self.rounding = NOT_ROUNDED
         self.height, self.width = pairs.shape[0], pairs.shape[1] * 2
         self._pairs = pairs
 
@@ -144,7 +146,7 @@ class BayerFrame:
     """A colour mosaic of 8 bits; `encoding` names the order of its upper-left cell."""
 
     def __init__(self, mosaic: Picture, encoding: str) -> None:
-        self.chroma_noise = 0.0
+        self.rounding = NOT_ROUNDED
         self.height, self.width = mosaic.shape
         self._mosaic = mosaic
         self._code = _BAYER[encoding]
@@ -190,7 +192,7 @@ def decode(image: JpegImage | RawImage) -> Frame:
     """
     if isinstance(image, JpegImage):
         pixels, header = _decoded_jpeg(image.data)
-        return ColourFrame(pixels, chroma_noise=header.chroma_noise)
+        return ColourFrame(pixels, rounding=header.rounding)
     if isinstance(image, RawImage):
         return _decode_raw(image)
     msg = f'image is a {type(image).__name__}: pass a JpegImage or a RawImage'

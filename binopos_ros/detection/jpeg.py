@@ -1,4 +1,4 @@
-"""What a JPEG's header tells: the picture's size, and how coarsely its colour is rounded."""
+"""What a JPEG's header tells: the picture's size, and how coarsely it is rounded."""
 
 from __future__ import annotations
 
@@ -11,24 +11,31 @@ import numpy.typing as npt
 from .errors import DetectionError
 
 LOW_FREQUENCIES = 6
-"""Coefficients, from the lowest frequency on, whose steps tell how coarse colour is."""
+"""Coefficients, from the lowest frequency on, whose steps tell how coarse a picture is."""
 
 _WITHOUT_LENGTH = (0x01, *range(0xD0, 0xD8))
 _NO_FRAME = (0xC4, 0xC8, 0xCC)
 _START_OF_SCAN, _TABLES = 0xDA, 0xDB
 
 
-class JpegHeader(NamedTuple):
-    """Width and height in pixels, and the colour's rounding.
+class Rounding(NamedTuple):
+    """The variance that rounding to a quantisation table's steps leaves, in grey levels^2.
 
-    chroma_noise is the variance that rounding to the steps of the quantisation table leaves in a
-    colour difference (Cb or Cr), in grey levels^2 of a coefficient, times the number of pixels
-    that share one sample of it: 0 where there is no colour, or no table for it.
+    luma is that of a coefficient of low frequency in brightness. chroma is that of one in a
+    colour difference (Cb or Cr), times the number of pixels that share a sample of it. Both are 0
+    for a picture that never was a JPEG.
     """
+
+    luma: float = 0.0
+    chroma: float = 0.0
+
+
+class JpegHeader(NamedTuple):
+    """Width and height in pixels, and how coarse the picture is."""
 
     width: int
     height: int
-    chroma_noise: float
+    rounding: Rounding
 
 
 def read_header(octets: npt.NDArray[np.uint8]) -> JpegHeader:
@@ -60,7 +67,7 @@ def read_header(octets: npt.NDArray[np.uint8]) -> JpegHeader:
         msg = f'JPEG of {octets.size} bytes has no frame header: it is corrupt'
         raise DetectionError(msg)
     _, height, width = struct.unpack_from('>BHH', frame)
-    return JpegHeader(width, height, _chroma_noise(frame[6:], tables))
+    return JpegHeader(width, height, _rounding(frame[6:], tables))
 
 
 def _variances(segment: bytes) -> dict[int, float]:
@@ -76,12 +83,11 @@ def _variances(segment: bytes) -> dict[int, float]:
     return found
 
 
-def _chroma_noise(components: bytes, tables: dict[int, float]) -> float:
-    """The second component's rounding, times the area of its samples in pixels."""
+def _rounding(components: bytes, tables: dict[int, float]) -> Rounding:
+    """Of the first two components: their tables, and how many pixels share a sample."""
     if len(components) < 9:
-        return 0.0
-    luma, chroma, table = components[1], components[4], components[5]
+        return Rounding()
+    (_, luma, luma_table), (_, chroma, chroma_table) = components[:3], components[3:6]
     samples = (chroma >> 4) * (chroma & 15)
-    if not samples:
-        return 0.0
-    return tables.get(table, 0.0) * (luma >> 4) * (luma & 15) / samples
+    area = (luma >> 4) * (luma & 15) / samples if samples else 0.0
+    return Rounding(tables.get(luma_table, 0.0), tables.get(chroma_table, 0.0) * area)
