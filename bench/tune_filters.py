@@ -1,7 +1,8 @@
 """Tune the filters and write the values into binopos_ros/smoothing/tuned.py.
 
 python bench/tune_filters.py [FILTER ...] tunes these (default: all), each with the same optimiser,
-budget and training sequences; test sequences are never looked at.
+budget and training sequences; test sequences are never looked at. After the default filter its
+covariance is calibrated; --calibrate does that alone.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from binopos_ros.smoothing import make_filter, tuned
+from binopos_ros.smoothing import tuned
 from binopos_ros.smoothing.opponents import bp_weights
-from binopos_ros.smoothing.trials.score import run_together
+from binopos_ros.smoothing.trials.calibration import SCALES, Calibration
 from binopos_ros.smoothing.trials.sequences import Sequence, training_set
 from binopos_ros.smoothing.trials.training import examples, train
 from binopos_ros.smoothing.trials.tuning import SEARCHED, minimise, objective, options_at
 
+OURS = 'cloud-kalman'
 WEIGHTS_HEADER = '''"""The BP-Kalman filter's network, from ``python bench/tune_filters.py``."""
 '''
 HEADER = '''"""Tuned defaults of every filter, found by ``python bench/tune_filters.py``."""
@@ -40,7 +42,11 @@ def main() -> None:
     )
     parser.add_argument('--budget', type=int, default=201, help='evaluations per filter')
     parser.add_argument('--sequences', type=int, default=40, help='training sequences')
+    parser.add_argument('--calibrate', action='store_true', help='only calibrate the covariance')
     arguments = parser.parse_args()
+    if arguments.calibrate:
+        calibrate()
+        return
     trials = training_set(arguments.sequences)
     for name in arguments.filters:
         if name == 'bp-kalman':
@@ -53,18 +59,21 @@ def main() -> None:
             arguments.budget,
         )
         options = options_at(name, place)
-        if name == 'cloud-kalman':
-            options['covariance_scale'] = calibrated(options)
-        save(name, options)
+        save(name, {**tuned.TUNED[name], **options})
         seconds = time.perf_counter() - began
         print(f'{name}: {value:.4f} in {seconds:.0f} s: {options}', flush=True)
+        if name == OURS:
+            calibrate()
 
 
-def calibrated(options: dict[str, float]) -> float:
-    """Return the factor on the covariance that makes the mean NEES of 200 training trials 1."""
-    smoother = make_filter('cloud-kalman', **{**options, 'covariance_scale': 1.0})
-    tracks = run_together(smoother, training_set(200))
-    return float(f'{np.mean([track.normalised_squared_errors for track in tracks]):.3g}')
+def calibrate() -> None:
+    """Set the factors on the default filter's covariance, by 200 training sequences."""
+    options = {name: value for name, value in tuned.TUNED[OURS].items() if name not in SCALES}
+    calibration = Calibration(training_set(200), **options)
+    scales = calibration.best()
+    save(OURS, {**options, **scales})
+    errors = calibration.normalised(np.array([scales[name] for name in SCALES]))
+    print(f'{OURS}: mean normalised squared error {errors.mean():.3f} with {scales}')
 
 
 def train_network(trials: Series[Sequence]) -> None:

@@ -11,38 +11,52 @@ turning  a is a Gauss-Markov process (Singer, "Estimating optimal tracking filte
 
 Each comes in calm water, where the measurement's own covariance explains it all, and with the
 waves' oscillator at either of two frequencies, whose bands overlap: slow waves that are taken for
-quick ones would be followed as motion. In calm water the oscillator is not part of what is
-measured and has its stationary spread, so that waves that set in may be anywhere in their swing.
+quick ones would be followed as motion. Waves that set in after calm water may be anywhere in
+their swing.
 
-The hypotheses interact as in Blom & Bar-Shalom 1988 (see opponents/multiple_models.py), with one
-addition: a target that leaves a hypothesis without velocity or acceleration may have any that is
-usual, so the variance of the new component enters with the share that comes from there.
+The hypotheses interact as in Blom & Bar-Shalom 1988 (see opponents/multiple_models.py), with two
+additions. A target that leaves a hypothesis without velocity or acceleration may have any that is
+usual, so the variance of the new component enters with the share that comes from there. And a
+still target either pauses or rests, so that one that has been still for long is less likely to
+start: its dwell is hyper-exponential. Pausing and resting differ in nothing else, so that the
+share of those that rest says it all.
+
+Arrays have leading dimensions for batches, then the hypothesis, the component and the axis. A step
+is a few products: on arrays as small as these the number of calls is what costs.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.smoothing import bases
+from binopos_ros.smoothing.bases import (
+    AXES,
+    CALM,
+    COVARIANCES,
+    MODELS,
+    MOTIONS,
+    MOVING,
+    SIZE,
+    STATES,
+    STILL,
+    TURNING,
+    A,
+    Motion,
+    P,
+    S,
+    U,
+    V,
+)
 from binopos_ros.smoothing.motion import Seconds
+from binopos_ros.smoothing.scalars import Number, beside, components, smaller, smallest, vector
 
 Array = NDArray[np.float64]
 
-MOTIONS = 3
-#: Of the water: calm, slow waves, quick waves.
-WAVES = 3
-#: Hypotheses: each motion with each of the waves.
-MODELS = MOTIONS * WAVES
-STILL, STEADY, TURNING = (slice(number * WAVES, (number + 1) * WAVES) for number in range(MOTIONS))
-MOVING = slice(WAVES, MODELS)
-CALM = slice(0, MODELS, WAVES)
-SIZE = 5
-P, V, A, S, U = range(SIZE)
-_FLAT = 3 * SIZE * SIZE
 #: Added to every weight, so that no hypothesis is ever ruled out for good.
 _LEAST_WEIGHT = 1e-12
 #: Probability that the water is calm at first. Waves show in two or three positions, and cost next
@@ -51,71 +65,94 @@ _CALM_AT_FIRST = 0.95
 #: Factor on the measurement's variance in calm water: ports, outlines and calibrations have small
 #: errors that pixel noise does not explain, and swell is less readily taken for a target's motion.
 _CALM_DOUBT = 3.0
-# Whether the waves' displacement is part of what a hypothesis expects to measure.
-_SEEN = np.ones((MODELS, 1, 1))
-_SEEN[CALM] = 0.0
+#: Probabilities that a still target rests: one first seen, and one that has just stopped.
+_RESTING_AT_FIRST, _RESTING_AFTER_STOP = 0.5, 0.3
+
 _DOUBT = np.ones((MODELS, 1))
 _DOUBT[CALM] = _CALM_DOUBT
-# Sums over hypotheses and axes as products: far cheaper than sum() on arrays as small as these.
-_ALL = np.ones(MODELS)
-_SPINS = WAVES - 1
-_MINUS_HALF = np.full(3, -0.5)
-_ORDERS = np.arange(6)
-_EYE2 = np.eye(2)
+_OWN = (_DOUBT[None] * np.eye(AXES)[:, None, :]).reshape(AXES, -1)
+_ONES = np.ones(MODELS)
+_TOTAL = np.ones((MODELS, MODELS))
+_THREE = np.ones(AXES)
+# Takes the first hypothesis' state off.
+_APART = np.eye(MODELS)
+_APART[:, 0] -= 1.0
+_SQUARES = MODELS * SIZE * SIZE
+_OUTER_LEFT, _OUTER_RIGHT = bases.outer_bases()
+_WAVE_SPREAD = bases.wave_spread()
+_SEEN_STATES, _SEEN_COVARIANCES = bases.seen_states(), bases.seen_covariances()
+_OVER_COMPONENTS = bases.over_components()
+_CONTROLLED = bases.over_hypotheses(TURNING, P)
+_KINEMATIC = bases.kinematic()
+# Of pairs of hypotheses, before and after: those that are still before, after, and both.
+_STILL_PAIRS = np.zeros((MODELS, MODELS, 3))
+_STILL_PAIRS[STILL, :, 0] = _STILL_PAIRS[:, STILL, 1] = _STILL_PAIRS[STILL, STILL, 2] = 1.0
+_FLOWS = _STILL_PAIRS.reshape(-1, 3)
 
 
 class Hypotheses(NamedTuple):
-    """The bank's memory; M = MODELS, n = SIZE.
+    """The bank's memory; M = MODELS, n = SIZE, N sequences of a batch, if any.
 
     Attributes
     ----------
-    states : (..., M, 3, n) array
-        Per hypothesis and axis.
-    covariances : (..., M, 3, n, n) array
-        Of these.
+    states : (..., M, n 3) array
+        Per hypothesis: components of the axes.
+    covariances : (..., M, n 3 n) array
+        Of these: row, axis, column.
     weights : (..., M) array
         Probabilities of the hypotheses.
+    resting : float or (N,) array
+        Share of the still targets that rest.
 
     """
 
     states: Array
     covariances: Array
     weights: Array
+    resting: Number
 
 
-@dataclasses.dataclass(frozen=True)
-class Motion:
-    """What the hypotheses assume; see the options of the cloud-Kalman filter for the units."""
+class Innovations(NamedTuple):
+    """What a measurement says to each hypothesis.
 
-    still_density: float
-    steady_density: float
-    turn_acceleration: float
-    turn_time: float
-    first_speed: float
-    start_speed: float
-    dwells: tuple[float, float, float]
-    wave_frequencies: tuple[float, float]
-    wave_dwell: float
-    calm_dwell: float
-    wave_damping: float
+    Attributes
+    ----------
+    apart : (..., M, 3) array
+        The innovations along the axes (m).
+    variance : (..., M, 3) array
+        Expected of them (m^2).
+    cross : (..., M, n 3) array
+        Covariances of the states with them.
+    distances : (..., M) array
+        Sums over the axes of squared innovations by their variances.
+    nearest : float or (N,) array
+        The smallest of these.
+
+    """
+
+    apart: Array
+    variance: Array
+    cross: Array
+    distances: Array
+    nearest: Number
 
 
 class Bank:
-    """The arithmetic of the bank: precomputed bases, so that a step is a few small products.
-
-    Transitions and process noises are sums of constant matrices times functions of the elapsed
-    time; the sums are matrix products with the bases below.
-    """
+    """The arithmetic of the bank over time, from constant bases."""
 
     def __init__(self, motion: Motion) -> None:
         self._motion = motion
-        self._transition_basis = _transition_basis(motion)
-        self._noise_basis = _noise_basis(motion)
-        self._entry = _entry(motion)
-        turn = complex(-motion.wave_damping, _damped(motion)) * 2.0 * math.pi
-        spins = [turn * frequency for frequency in motion.wave_frequencies]
-        rates, self._switch_basis = _switch_basis(motion)
-        self._exponents = np.array([*spins, -1.0 / motion.turn_time, *rates])
+        self._exponents = bases.exponents(motion)
+        polynomial, spinning = (
+            bases.polynomial_transitions(motion),
+            bases.spinning_transitions(motion),
+        )
+        # Both the transitions and their transposes: a product with a transposed view is slow.
+        parts = [polynomial, polynomial.swapaxes(-1, -2), _per_axis(bases.noises(motion))]
+        self._polynomial = _side_by_side(parts)
+        self._spinning = _side_by_side([spinning, spinning.swapaxes(-1, -2)])
+        self._entry = _per_axis(bases.entries(motion)).reshape(MODELS, COVARIANCES)
+        self._switch = bases.switches(motion)[2]
 
     def start(self, position: Array, variance: Array, wave: Array) -> Hypotheses:
         """Return the bank after a first position (..., 3) along the axes.
@@ -123,189 +160,160 @@ class Bank:
         `variance` (..., 3) is the measurement's own and `wave` (..., 3) the waves', m^2.
         """
         batch = position.shape[:-1]
-        states = np.zeros((*batch, MODELS, 3, SIZE))
-        states[..., P] = position[..., None, :]
-        covariances = np.zeros((*batch, MODELS, 3, SIZE, SIZE))
+        states = np.zeros((*batch, MODELS, SIZE, AXES))
+        states[..., P, :] = position[..., None, :]
+        # Rows and columns side by side, which the memory keeps apart.
+        square = np.zeros((*batch, MODELS, AXES, SIZE, SIZE))
         wave = wave[..., None, :]
-        covariances[..., P, P] = variance[..., None, :] + wave
-        covariances[..., S, S] = covariances[..., U, U] = wave
-        covariances[..., P, U] = covariances[..., U, P] = -wave
-        covariances[..., MOVING, :, V, V] = self._motion.first_speed**2
-        covariances[..., TURNING, :, A, A] = self._motion.turn_acceleration**2
-        # Calm water: the position is where it was measured, and the waves are not part of it.
-        covariances[..., CALM, :, P, P] = _CALM_DOUBT * variance[..., None, :]
-        covariances[..., CALM, :, P, U] = covariances[..., CALM, :, U, P] = 0.0
-        rough = 0.5 * (1.0 - _CALM_AT_FIRST)
-        weights = np.tile([_CALM_AT_FIRST, rough, rough], MOTIONS) / MOTIONS
-        return Hypotheses(states, covariances, np.broadcast_to(weights, (*batch, MODELS)))
+        square[..., P, P] = variance[..., None, :] + wave
+        square[..., S, S] = square[..., U, U] = wave
+        square[..., P, U] = square[..., U, P] = -wave
+        square[..., MOVING, :, V, V] = self._motion.first_speed**2
+        square[..., TURNING, :, A, A] = self._motion.turn_acceleration**2
+        # Calm water: the position is where it was measured, and there are no waves.
+        for model in CALM:
+            calm = square[..., model, :, :, :]
+            calm[..., P, P] = _CALM_DOUBT * variance
+            calm[..., S:, :] = calm[..., S:] = 0.0
+        rough = (1.0 - _CALM_AT_FIRST) * bases.WAVE_SHARES
+        weights = np.array([_CALM_AT_FIRST, *rough])[bases.WATER] / MOTIONS
+        return Hypotheses(
+            states.reshape(*batch, MODELS, STATES),
+            square.swapaxes(-3, -2).reshape(*batch, MODELS, COVARIANCES),
+            np.tile(weights, (*batch, 1)),
+            np.full(batch, _RESTING_AT_FIRST) if batch else _RESTING_AT_FIRST,
+        )
 
     def advance(self, bank: Hypotheses, wave: Array, elapsed: Seconds) -> Hypotheses:
         """Return the bank `elapsed` seconds later, with waves of variance `wave` (..., 3), m^2."""
-        time = np.asarray(elapsed)[..., None]
-        exponentials = np.exp(time * self._exponents)
-        real = exponentials.real
-        switch = real[..., _SPINS + 1 :] @ self._switch_basis
-        states, covariances, weights = self._interact(bank, switch)
-        shape = (*weights.shape[:-1], MODELS, SIZE, SIZE)
-        powers = time**_ORDERS
-        factors = [powers[..., :2], exponentials[..., :_SPINS].imag, real[..., : _SPINS + 1]]
-        back = (np.concatenate(factors, axis=-1) @ self._transition_basis).reshape(shape)
-        noise = (powers @ self._noise_basis).reshape(shape)
-        # The axes of a hypothesis share its transition: one product for all three of them.
-        rows = (*weights.shape[:-1], MODELS, 3 * SIZE, SIZE)
-        half = (covariances.reshape(rows) @ back).reshape(covariances.shape).swapaxes(-1, -2)
-        moved = (half.reshape(rows) @ back).reshape(covariances.shape) + noise[..., None, :, :]
-        # The waves are stationary, so what drives them is what the transition lets go of.
-        spin = back[..., S:, S:]
-        driving = _EYE2 - spin.swapaxes(-1, -2) @ spin
-        moved[..., S:, S:] += wave[..., None, :, None, None] * driving[..., None, :, :]
-        return Hypotheses(states @ back, moved, weights)
-
-    def _interact(self, bank: Hypotheses, switch: Array) -> Hypotheses:
-        """Return the bank mixed by the probabilities `switch` (..., M M), from the row's on."""
         batch = bank.weights.shape[:-1]
-        joint = bank.weights[..., None] * switch.reshape(*batch, MODELS, MODELS)
-        weights = _ALL @ joint
+        times = vector((elapsed, elapsed * bank.resting))
+        powers = times[..., :1] ** bases.ORDERS
+        exponents = times.dot(self._exponents)
+        turns = np.exp(exponents[..., : bases.SPINS].view(np.complex128)).view(np.float64)
+        decays = np.exp(exponents[..., bases.SPINS :])
+        polynomial = powers.dot(self._polynomial)
+        pair = polynomial[..., : 2 * _SQUARES] + turns.dot(self._spinning)
+        forth = pair[..., :_SQUARES].reshape(*batch, MODELS, SIZE, SIZE)
+        back = pair[..., _SQUARES:].reshape(*batch, MODELS, SIZE, SIZE)
+        switch = decays[..., :-1].dot(self._switch).reshape(*batch, MODELS, MODELS)
+        joint = bank.weights[..., None] * switch
+        # The waves are stationary: what drives them is what the transition lets go of, so their
+        # stationary spread is taken off before it and added again after it.
+        spread = wave.dot(_WAVE_SPREAD).reshape(bank.covariances.shape)
+        mean, covariance, weights = self._mixed(bank, joint, spread)
+        moved = forth @ covariance.reshape(*batch, MODELS, SIZE, AXES * SIZE)
+        moved = moved.reshape(*batch, MODELS, STATES, SIZE) @ back
+        covariances = moved.reshape(*batch, MODELS, COVARIANCES)
+        covariances += polynomial[..., 2 * _SQUARES :].reshape(covariances.shape)
+        covariances += spread
+        states = forth @ mean.reshape(*batch, MODELS, SIZE, AXES)
+        resting = _resting(bank.resting, joint, decays[..., -1])
+        return Hypotheses(states.reshape(mean.shape), covariances, weights, resting)
+
+    def _mixed(self, bank: Hypotheses, joint: Array, spread: Array) -> tuple[Array, Array, Array]:
+        """Return means, covariances less `spread`, and weights after the interaction.
+
+        `joint` (..., M, M) are the probabilities of each pair, of before and after.
+        """
+        weights = sums(_ONES, joint)
         mixing = (joint / weights[..., None, :]).swapaxes(-1, -2)
         # About the first hypothesis' state, so that squares of positions do not swamp variances.
-        origin = bank.states[..., :1, :, :]
-        apart = bank.states - origin
-        moments = bank.covariances + apart[..., :, None] * apart[..., None, :]
+        apart = product(_APART, bank.states)
+        moments = outer(apart, apart)
+        moments += bank.covariances
         moments += self._entry
-        mixed = mixing @ moments.reshape(*batch, MODELS, _FLAT)
-        mean = (mixing @ apart.reshape(*batch, MODELS, 3 * SIZE)).reshape(apart.shape)
-        covariances = mixed.reshape(moments.shape)
-        covariances -= mean[..., :, None] * mean[..., None, :]
-        return Hypotheses(mean + origin, covariances, weights)
+        moments -= spread
+        mean, covariance = product(mixing, apart), product(mixing, moments)
+        covariance -= outer(mean, mean)
+        return product(mixing, bank.states), covariance, weights
 
 
-def innovations(bank: Hypotheses, position: Array, variance: Array) -> tuple[Array, Array, Array]:
-    """Return innovations (..., M, 3), their variances, and covariances with the state.
-
-    `position` and `variance` (..., 3) are the measurement's along the axes.
-    """
-    states, covariances = bank.states, bank.covariances
-    # In calm water u is 0 in the mean, and has no part in p.
-    innovation = position[..., None, :] - states[..., P] - states[..., U]
-    cross = covariances[..., P] + _SEEN * covariances[..., U]
-    own = _DOUBT * variance[..., None, :]
-    return innovation, cross[..., P] + cross[..., U] + own, cross
+def _resting(resting: Number, joint: Array, rests_on: Number) -> Number:
+    """Return the share of still targets that rest, of those that stayed or came to be so."""
+    before, after, stayed = components(joint.reshape(*joint.shape[:-2], -1).dot(_FLOWS))
+    rested = smaller(resting * before * rests_on, stayed)
+    return _RESTING_AFTER_STOP + (rested - _RESTING_AFTER_STOP * stayed) / after
 
 
-def update(
-    bank: Hypotheses, innovation: Array, expected: Array, cross: Array, certainty: Array
-) -> Hypotheses:
-    """Return the bank after a measurement whose weight is the `certainty` (..., 1).
+def controlled(bank: Hypotheses, control: Array) -> Hypotheses:
+    """Return the bank after the `control` input (..., 3), m, to the turning hypotheses."""
+    change = control.dot(_CONTROLLED).reshape(bank.states.shape)
+    return Hypotheses(bank.states + change, *bank[1:])
+
+
+def innovations(bank: Hypotheses, position: Array, variance: Array) -> Innovations:
+    """Return what a position (..., 3) of that variance (..., 3) along the axes says."""
+    # In calm water u is 0, and so are its covariances.
+    apart = position[..., None, :] - bank.states.dot(_SEEN_STATES)
+    cross = bank.covariances.dot(_SEEN_COVARIANCES)
+    expected = cross.dot(_SEEN_STATES)
+    expected += variance.dot(_OWN).reshape(expected.shape)
+    distances = (apart * apart / expected).dot(_THREE)
+    return Innovations(apart, expected, cross, distances, smallest(distances))
+
+
+def update(bank: Hypotheses, seen: Innovations, certainty: Number) -> Hypotheses:
+    """Return the bank after a measurement whose weight is the `certainty`.
 
     A certainty below 1 stands for an innovation variance that much larger.
     """
-    weight = certainty[..., None] / expected
-    gain = cross * weight[..., None]
-    states = bank.states + gain * innovation[..., None]
-    covariances = bank.covariances - gain[..., :, None] * cross[..., None, :]
-    fit = weight * innovation * innovation + np.log(expected)
-    logarithm = fit @ _MINUS_HALF
-    logarithm -= np.maximum.reduce(logarithm, axis=-1, keepdims=True)
-    weights = bank.weights * np.exp(logarithm)
-    weights = weights / (weights @ _ALL[:, None]) + _LEAST_WEIGHT
-    return Hypotheses(states, covariances, weights)
+    weight = beside(certainty, 2) / seen.variance
+    gain = seen.cross * weight.dot(_OVER_COMPONENTS)
+    states = bank.states + gain * seen.apart.dot(_OVER_COMPONENTS)
+    covariances = bank.covariances - outer(gain, seen.cross)
+    misfit = beside(certainty, 1) * (seen.distances - beside(seen.nearest, 1))
+    misfit += np.log(seen.variance).dot(_THREE)
+    weights = bank.weights * np.exp(-0.5 * misfit)
+    weights /= weights.dot(_TOTAL)
+    weights += _LEAST_WEIGHT
+    return Hypotheses(states, covariances, weights, bank.resting)
 
 
 def mean_position(bank: Hypotheses) -> Array:
     """Return the position (..., 3) along the axes, over all hypotheses."""
-    return (bank.weights[..., None, :] @ bank.states[..., P])[..., 0, :]
+    return sums(bank.weights, bank.states[..., :AXES])
 
 
-def moments(bank: Hypotheses) -> tuple[Array, Array]:
-    """Return mean (..., 3, 2) and covariance (..., 3, 2, 2) of p and v, over all hypotheses."""
-    batch = bank.weights.shape[:-1]
-    weights = bank.weights[..., None, :]
-    states = bank.states[..., :A]
-    mean = (weights @ states.reshape(*batch, MODELS, 6)).reshape(*batch, 3, 2)
-    apart = states - mean[..., None, :, :]
-    spread = bank.covariances[..., :A, :A] + apart[..., :, None] * apart[..., None, :]
-    spread = weights @ spread.reshape(*batch, MODELS, 12)
-    return mean, spread.reshape(*batch, 3, 2, 2)
+def moments(bank: Hypotheses, scales: Array, doubt: float) -> tuple[Array, Array]:
+    """Return mean (..., 6) and covariance (..., 6, 6) of p and v along the axes, over all.
 
-
-def _damped(motion: Motion) -> float:
-    return math.sqrt(1.0 - motion.wave_damping**2)
-
-
-def _transition_basis(motion: Motion) -> Array:
-    """Return the basis (3 + 2 x 2, M n n) of the transitions' transposes.
-
-    For 1 and t, imaginary and then real parts of exp((-zeta + i damped) omega t), and
-    exp(-t / turn_time).
+    `scales` (..., M) multiply the hypotheses' own covariances, and `doubt` that of their means.
     """
-    tau = motion.turn_time
-    basis = np.zeros((3 + 2 * _SPINS, MODELS, SIZE, SIZE))
-    one, time, fading = basis[0], basis[1], basis[-1]
-    one[:, P, P] = 1.0
-    one[MOVING, V, V] = time[MOVING, P, V] = 1.0
-    # Singer: v += tau (1 - e) a; p += tau (t - tau (1 - e)) a.
-    one[TURNING, V, A], fading[TURNING, V, A] = tau, -tau
-    one[TURNING, P, A], time[TURNING, P, A], fading[TURNING, P, A] = -tau * tau, tau, tau * tau
-    fading[TURNING, A, A] = 1.0
-    # The oscillator of wave.py, taken apart into decayed cosine and sine.
-    unit = 1.0 / _damped(motion)
-    slant = motion.wave_damping * unit
-    for wave in range(_SPINS):
-        models = slice(wave + 1, MODELS, WAVES)
-        sine, cosine = basis[2 + wave, models], basis[2 + _SPINS + wave, models]
-        cosine[:, S, S] = cosine[:, U, U] = 1.0
-        sine[:, S, S], sine[:, U, U] = slant, -slant
-        sine[:, S, U], sine[:, U, S] = unit, -unit
-    return basis.swapaxes(-1, -2).reshape(len(basis), -1)
+    states = bank.states[..., : 2 * AXES]
+    mean = sums(bank.weights, states)
+    apart = states - mean[..., None, :]
+    weighted = apart * (doubt * bank.weights)[..., None]
+    spread = product(weighted.swapaxes(-1, -2), apart)
+    within = sums(bank.weights * scales, bank.covariances)
+    spread += within.dot(_KINEMATIC).reshape(spread.shape)
+    return mean, spread
 
 
-def _noise_basis(motion: Motion) -> Array:
-    """Return the basis (6, M n n) of the motions' noises, for 1, t, t^2, ... t^5."""
-    basis = np.zeros((6, MODELS, SIZE, SIZE))
-    basis[1, STILL, P, P] = motion.still_density
-    # White acceleration of a density, and white jerk that keeps the acceleration's variance.
-    for models, density, chain in (
-        (STEADY, motion.steady_density, (V, P)),
-        (TURNING, 2.0 * motion.turn_acceleration**2 / motion.turn_time, (A, V, P)),
-    ):
-        for low, row in enumerate(chain):
-            for high, column in enumerate(chain):
-                order = low + high + 1
-                divisor = math.factorial(low) * math.factorial(high) * order
-                basis[order, models, row, column] = density / divisor
-    return basis.reshape(len(basis), -1)
+def outer(left: Array, right: Array) -> Array:
+    """Return x y^T (..., M, n 3 n) of each hypothesis and axis, of rows (..., M, n 3)."""
+    result = left.dot(_OUTER_LEFT)
+    result *= right.dot(_OUTER_RIGHT)
+    return result
 
 
-def _switch_basis(motion: Motion) -> tuple[Array, Array]:
-    """Return rates (M,) and basis (M, M M): switch probabilities are exp(rates t) @ basis.
-
-    The hypotheses follow a Markov chain in continuous time: each motion is left after its mean
-    dwell, for any of the others alike, and so are calm water and each of the waves. Such a chain
-    is reversible, so its eigenvalues are real.
-    """
-    waves = np.array([[0.0, 0.5, 0.5], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]) / motion.calm_dwell
-    waves[1, 2] = waves[2, 1] = 1.0 / motion.wave_dwell
-    waves -= np.diag(waves.sum(axis=1))
-    leaving = 1.0 / np.array(motion.dwells)[:, None]
-    motions = leaving * (np.full((MOTIONS, MOTIONS), 1.0 / (MOTIONS - 1)) - _wide(MOTIONS))
-    generator = np.kron(motions, np.eye(WAVES)) + np.kron(np.eye(MOTIONS), waves)
-    rates, right = np.linalg.eig(generator)
-    left = np.linalg.inv(right)
-    basis = right.T[:, :, None] * left[:, None, :]
-    return rates.real, basis.real.reshape(MODELS, -1)
+def product(left: Array, right: Array) -> Array:
+    """Return the product of matrices; dot() is the quicker one where there is no batch."""
+    return left.dot(right) if right.ndim == 2 else left @ right
 
 
-def _wide(count: int) -> Array:
-    """Return the diagonal that makes the rows of a generator add up to nothing."""
-    return count / (count - 1) * np.eye(count)
+def sums(weights: Array, values: Array) -> Array:
+    """Return the sums (..., k) of `values` (..., M, k) by their weights (..., M) or (M,)."""
+    if values.ndim == 2:
+        return weights.dot(values)
+    return (weights[..., None, :] @ values)[..., 0, :]
 
 
-def _entry(motion: Motion) -> Array:
-    """Return the variances (M, 1, n, n) of the components that a hypothesis lacks.
+def _per_axis(matrices: Array) -> Array:
+    """Return matrices (..., n, n) as (..., n, 3, n): the same for each axis, none between them."""
+    return np.repeat(matrices[..., None, :], AXES, axis=-2)
 
-    They reach only the hypotheses that have the component: the others' transitions drop it.
-    """
-    entry = np.zeros((MODELS, 1, SIZE, SIZE))
-    entry[STILL, :, V, V] = motion.start_speed**2
-    entry[STILL, :, A, A] = entry[STEADY, :, A, A] = motion.turn_acceleration**2
-    return entry
+
+def _side_by_side(bases_of_factors: Sequence[Array]) -> Array:
+    """Return bases (k, ...) of the same k factors as one (k, columns)."""
+    return np.concatenate([basis.reshape(len(basis), -1) for basis in bases_of_factors], axis=1)

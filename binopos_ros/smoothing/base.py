@@ -199,7 +199,7 @@ class Filter(ABC, Generic[MemoryT]):
         """Return the memory after a measurement, or none and why it was out of reach."""
         memory = self._advance(memory, elapsed)
         reach = self.options.max_jump + self.options.max_speed * since_used
-        distance = math.dist(position, self._place(memory))
+        distance = math.dist(position.tolist(), self._place(memory).tolist())
         if distance > reach:
             far = f'the position lies {distance:.3g} m from the prediction'
             return None, f'{far}, beyond the {reach:.3g} m that are in reach'

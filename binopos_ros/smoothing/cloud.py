@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.smoothing.errors import SmoothingError
+from binopos_ros.smoothing.scalars import Number, smaller
 
 Array = NDArray[np.float64]
 
@@ -123,56 +124,57 @@ class SlidingCloud(NamedTuple):
 class RecursiveCloud(NamedTuple):
     """The cloud with exponential forgetting over about `window` drops, in constant time.
 
-    The first `window` drops have equal weights, so it starts as the cloud of all drops so far.
-    Deviations are taken from the expectation of the drops before, and shrunk to what they would
+    Kept are the weighted means of the drops, of their absolute and of their squared deviations,
+    each taken from the expectation of the drops before, and shrunk to what they would
     be from the expectation after: the variance of the first `window` drops is exact, the entropy
-    is the sliding form's to first order. All arrays are (..., d), `total` is (..., 1).
+    is the sliding form's to first order. All but `window` are numbers of one dimension, or arrays.
     """
 
     window: float
-    total: Array
-    expectation: Array
-    absolute: Array
-    variance: Array
+    total: Number
+    expectation: Number
+    absolute: Number
+    variance: Number
 
     @classmethod
-    def of(cls, drop: Array, window: float) -> RecursiveCloud:
-        """Return the cloud of one drop (..., d)."""
-        zero = np.zeros_like(drop)
-        return cls(window, np.ones((*drop.shape[:-1], 1)), drop, zero, zero)
+    def of(cls, drop: Number, window: float) -> RecursiveCloud:
+        """Return the cloud of one drop."""
+        return cls(window, 1.0, drop, 0.0 * drop, 0.0 * drop)
 
     @classmethod
-    def at_rest(cls, entropy: Array, total: Array, window: float) -> RecursiveCloud:
-        """Return a cloud about 0 as if `total` (..., 1) drops of that `entropy` had been seen."""
+    def at_rest(cls, entropy: Number, total: float, window: float) -> RecursiveCloud:
+        """Return a cloud about 0 as if `total` drops of that `entropy` had been seen."""
         absolute = entropy / _MEAN_ABSOLUTE_TO_DEVIATION
-        return cls(window, total, np.zeros_like(entropy), absolute, entropy * entropy)
+        return cls(window, total, 0.0 * entropy, absolute, entropy * entropy)
 
-    def add(self, drop: Array, weight: Array | float = 1.0) -> RecursiveCloud:
-        """Return the cloud with one more drop of a weight (..., 1) from 0 to 1."""
-        total = self.total + weight
-        gain = weight / np.minimum(total, self.window)
+    def add(self, drop: Number, weight: Number = 1.0) -> RecursiveCloud:
+        """Return the cloud with one more drop of a weight from 0 to 1."""
+        window, total, expectation, absolute, variance = self
+        total = total + weight
+        gain = weight / smaller(total, window)
         kept = 1.0 - gain
-        deviation = drop - self.expectation
+        deviation = drop - expectation
         # The drop pulls the expectation, so that deviations from the old one are too large by
         # the factor 1 / (1 - gain) in the mean square.
-        shrunk = np.sqrt(kept) * np.abs(deviation)
+        shrunk = kept * deviation * deviation
         return RecursiveCloud(
-            self.window,
+            window,
             total,
-            self.expectation + gain * deviation,
-            kept * self.absolute + gain * shrunk,
-            kept * self.variance + gain * shrunk * shrunk,
+            expectation + gain * deviation,
+            kept * absolute + gain * shrunk**0.5,
+            kept * variance + gain * shrunk,
         )
 
     @property
-    def entropy(self) -> Array:
+    def entropy(self) -> Number:
         """En as it stands."""
         return _MEAN_ABSOLUTE_TO_DEVIATION * self.absolute
 
     def cloud(self) -> Cloud:
         """Return the cloud as it stands."""
-        entropy = self.entropy
-        return Cloud(self.expectation, entropy, _hyper_entropy(self.variance, entropy))
+        entropy = np.asarray(self.entropy)
+        variance = np.asarray(self.variance)
+        return Cloud(np.asarray(self.expectation), entropy, _hyper_entropy(variance, entropy))
 
 
 def _hyper_entropy(variance: Array, entropy: Array) -> Array:

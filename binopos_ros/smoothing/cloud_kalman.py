@@ -23,26 +23,36 @@ controls the Kalman filter. Changed is what makes it work for a target that move
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.smoothing.bank import (
-    TURNING,
     Bank,
     Hypotheses,
-    Motion,
-    P,
+    controlled,
     innovations,
     mean_position,
     moments,
+    product,
     update,
 )
 from binopos_ros.smoothing.base import Estimate, Filter
+from binopos_ros.smoothing.bases import AXES, CALM_WATER, MOTION, SIZE, WATER, Motion, S
 from binopos_ros.smoothing.cloud import RecursiveCloud
 from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option, tuned_options
+from binopos_ros.smoothing.scalars import (
+    Number,
+    beside,
+    components,
+    exponential,
+    larger,
+    rows,
+    vector,
+)
 
 Array = NDArray[np.float64]
 
@@ -62,6 +72,10 @@ _FIRST_TRUST = 0.3
 #: Less than this share of the deviation at the start is no wave: that is the calm hypotheses'. So
 #: waves that set in after a calm find hypotheses that expect waves.
 _LEAST_WAVES = 0.15
+#: Swell: slower than basins' waves, and nearly of one pure tone (Hz, damping ratio).
+_SWELL, _SWELL_DAMPING = 1.1, 0.08
+#: Share of the waves' variance that all axes have in common, in units of the pixels' variance.
+_POOLED = 0.5
 
 
 @tuned_options('cloud-kalman')
@@ -88,7 +102,12 @@ class CloudKalmanOptions(Options):
         'm/s',
         (1e-5, 100),
     )
-    still_dwell: float = option(6.0, 'mean time that a target is still', 's', (0.01, 1e4))
+    pause_dwell: float = option(
+        2.0, 'mean time that a target is still that pauses', 's', (0.01, 1e4)
+    )
+    rest_dwell: float = option(
+        200.0, 'mean time that a target is still that rests', 's', (0.01, 1e4)
+    )
     steady_dwell: float = option(6.0, 'mean time that a target is steady', 's', (0.01, 1e4))
     turn_dwell: float = option(1.0, 'mean time that a target turns', 's', (0.01, 1e4))
     wave_std: float = option(
@@ -102,7 +121,21 @@ class CloudKalmanOptions(Options):
     certainty_width: float = option(
         2.5, 'deviations at which the certainty is exp(-1/2)', '', (0.5, 100.0)
     )
-    covariance_scale: float = option(1.0, 'factor on the covariance given out', '', (0.01, 100.0))
+    paused_scale: float = option(
+        1.0, 'factor on the covariance of a still target that pauses', '', (0.0, 1e3)
+    )
+    resting_scale: float = option(
+        1.0, 'factor on the covariance of a still target that rests', '', (0.0, 1e3)
+    )
+    steady_scale: float = option(
+        1.0, 'factor on the covariance of a steady target', '', (0.0, 1e3)
+    )
+    turning_scale: float = option(
+        1.0, 'factor on the covariance of a turning target', '', (0.0, 1e3)
+    )
+    means_scale: float = option(
+        1.0, "factor on the spread of the hypotheses' means", '', (0.0, 1e3)
+    )
 
     def motion(self) -> Motion:
         """Return what the bank needs of the options."""
@@ -113,28 +146,39 @@ class CloudKalmanOptions(Options):
             turn_time=self.turn_time,
             first_speed=self.first_speed,
             start_speed=self.start_speed,
-            dwells=(self.still_dwell, self.steady_dwell, self.turn_dwell),
-            wave_frequencies=(self.slow_waves, self.quick_waves),
+            pause_dwell=self.pause_dwell,
+            rest_dwell=self.rest_dwell,
+            steady_dwell=self.steady_dwell,
+            turn_dwell=self.turn_dwell,
+            wave_frequencies=(self.slow_waves, self.quick_waves, _SWELL),
             wave_dwell=self.wave_dwell,
             calm_dwell=self.calm_dwell,
-            wave_damping=self.wave_damping,
+            wave_dampings=(self.wave_damping, self.wave_damping, _SWELL_DAMPING),
         )
 
 
-class _Memory(NamedTuple):
-    """The bank; the cloud of innovations; the axes (..., 3, 3), rows, the last the line of sight.
+class _Clouds(NamedTuple):
+    """The clouds of innovations along the axes: two across the line of sight, one along it."""
 
-    `wave` (..., 3) is the waves' variance along the axes, m^2; `trust` (..., 1) the mean
-    certainty of late; `squares` (..., 3, 9) the products e e^T of the axes.
+    first: RecursiveCloud
+    second: RecursiveCloud
+    sight: RecursiveCloud
+
+
+class _Memory(NamedTuple):
+    """The bank; the clouds; the axes (..., 3, 3), rows, the last one the line of sight.
+
+    `wave` (..., 3) is the waves' variance along the axes, m^2; `trust` the mean certainty of
+    late; `turn` (..., 6, 6) turns positions and velocities into the axes.
     """
 
     bank: Hypotheses
-    cloud: RecursiveCloud
+    clouds: _Clouds
     wave: Array
     axes: Array
-    certainty: Array
-    trust: Array
-    squares: Array
+    certainty: Number
+    trust: Number
+    turn: Array
 
 
 class CloudKalmanFilter(Filter[_Memory]):
@@ -147,118 +191,136 @@ class CloudKalmanFilter(Filter[_Memory]):
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         self._bank = Bank(self.options.motion())
-        self._by_least_waves = _ACROSS / (_LEAST_WAVES * self.options.wave_std) ** 2
-        self._doubled_width = -2.0 * self.options.certainty_width**2
+        self._by_width = -0.5 / self.options.certainty_width**2
+        motions = (
+            self.options.paused_scale,
+            self.options.steady_scale,
+            self.options.turning_scale,
+        )
+        # In calm water the hypotheses' own covariances are on the safe side as they are.
+        self._scales = np.where(WATER == CALM_WATER, 1.0, np.array(motions)[MOTION])
+        rest = self.options.resting_scale - self.options.paused_scale
+        self._rest_scales = np.where((WATER != CALM_WATER) & (MOTION == 0), rest, 0.0)
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
         batch = position.shape[:-1]
         axes = _follow(np.broadcast_to(np.eye(3), (*batch, 3, 3)), covariance)
         variance = np.diagonal(_along(axes, covariance), axis1=-2, axis2=-1)
         # Waves shift pixels, so their errors in space have the proportions of the pixels' errors.
-        wave = self.options.wave_std**2 * variance / (variance @ _ACROSS)
+        wave = self.options.wave_std**2 * variance / variance.dot(_ACROSS)
+        window = self.options.window
+        clouds = _Clouds(
+            *(
+                RecursiveCloud.at_rest(each**0.5, _DROPS_AT_START, window)
+                for each in components(wave)
+            )
+        )
         bank = self._bank.start((axes @ position[..., None])[..., 0], variance, wave)
-        total = np.full((*batch, 1), _DROPS_AT_START)
-        cloud = RecursiveCloud.at_rest(np.sqrt(wave), total, self.options.window)
-        trust = np.full((*batch, 1), _FIRST_TRUST)
-        return _Memory(bank, cloud, wave, axes, np.ones(batch), trust, _squares(axes))
+        one = np.ones(batch) if batch else 1.0
+        return _Memory(bank, clouds, wave, axes, one, _FIRST_TRUST * one, _twice(axes))
 
     def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         return _Memory(self._bank.advance(memory.bank, memory.wave, elapsed), *memory[1:])
 
     def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
         memory, variance = _turned(memory, covariance)
-        cloud = memory.cloud
-        entropy = cloud.entropy
-        squared_entropy = entropy * entropy
-        measured = (memory.axes @ position[..., None])[..., 0]
-        bank = _controlled(memory.bank, cloud.expectation, squared_entropy / self.options.window)
-        innovation, expected, cross = innovations(bank, measured, variance)
-        doubt = (cloud.variance @ _AXES) / (squared_entropy @ _AXES)
-        widening = np.maximum(doubt, 1.0) / (memory.trust * memory.trust)
-        certainty = self._certainty(innovation, expected, widening)
-        bank = update(bank, innovation, expected, cross, certainty)
-        drops = cloud.add(measured - mean_position(bank), certainty)
-        entropy = drops.entropy
-        least = variance / (variance @ self._by_least_waves)
-        wave = np.maximum(entropy * entropy - variance, least)
-        trust = memory.trust + _FORGETTING * (certainty - memory.trust)
-        return _Memory(bank, drops, wave, memory.axes, certainty[..., 0], trust, memory.squares)
+        clouds, trust = memory.clouds, memory.trust
+        measured = product(memory.axes, position[..., None])[..., 0]
+        bank = controlled(memory.bank, vector(_control(cloud) for cloud in clouds))
+        seen = innovations(bank, measured, vector(variance))
+        # Hyper-entropy and a lack of trust raise the variance that a position may have, under the
+        # hypothesis that it fits best.
+        width = larger(_spread_doubt(clouds), 1.0) / (trust * trust)
+        certainty = exponential(self._by_width * seen.nearest / width)
+        bank = update(bank, seen, certainty)
+        left = components(measured - mean_position(bank))
+        drops = _Clouds(
+            *(cloud.add(drop, certainty) for cloud, drop in zip(clouds, left, strict=True))
+        )
+        wave = vector(self._waves(drops, variance))
+        trust = trust + _FORGETTING * (certainty - trust)
+        return _Memory(bank, drops, wave, memory.axes, certainty, trust, memory.turn)
 
-    def _certainty(self, innovation: Array, expected: Array, widening: Array) -> Array:
-        """Return the certainty (..., 1) of an innovation, under the hypothesis it fits best.
+    def _waves(self, clouds: _Clouds, variance: list[Number]) -> Iterator[Number]:
+        """Yield the waves' variances: the entropies' squares less the measurement's variances.
 
-        `widening` is the factor by which hyper-entropy, (En^2 + He^2) / En^2 over all axes, and
-        a lack of trust raise the variance that a position may have.
+        Waves shift pixels, so half of what is known of them on one axis serves the others too.
         """
-        squared = ((innovation * innovation / expected) @ _AXES)[..., 0]
-        squared = np.minimum.reduce(squared, axis=-1, keepdims=True)
-        return np.exp(squared / (self._doubled_width * widening))
+        shares = [
+            cloud.entropy**2 / own - 1.0 for cloud, own in zip(clouds, variance, strict=True)
+        ]
+        common = _POOLED / 3.0 * (shares[0] + shares[1] + shares[2])
+        least = (_LEAST_WAVES * self.options.wave_std) ** 2 / (0.5 * (variance[0] + variance[1]))
+        for share, own in zip(shares, variance, strict=True):
+            yield own * larger(common + (1.0 - _POOLED) * share, least)
 
     def _place(self, memory: _Memory) -> Array:
-        return (mean_position(memory.bank)[..., None, :] @ memory.axes)[..., 0, :]
+        return product(mean_position(memory.bank)[..., None, :], memory.axes)[..., 0, :]
 
     def _estimate(self, memory: _Memory) -> Estimate:
-        axes = memory.axes
-        batch = axes.shape[:-2]
-        mean, spread = moments(memory.bank)
-        vectors = axes.swapaxes(-1, -2) @ mean
-        # The sum over the axes e of (2, 2) blocks times e e^T, from (a, b, i, j) to (a i, b j).
-        blocks = (self.options.covariance_scale * spread).reshape(*batch, 3, 4).swapaxes(-1, -2)
-        covariance = (blocks @ memory.squares).reshape(*batch, 2, 2, 3, 3).swapaxes(-3, -2)
-        return Estimate(
-            vectors[..., 0],
-            vectors[..., 1],
-            covariance.reshape(*batch, 6, 6),
-            memory.certainty * (memory.certainty > _LEAST_CERTAINTY),
-        )
+        bank, turn = memory.bank, memory.turn
+        scales = self._scales + beside(bank.resting, 1) * self._rest_scales
+        mean, spread = moments(bank, scales, self.options.means_scale)
+        vector = product(mean[..., None, :], turn)[..., 0, :]
+        covariance = product(product(turn.swapaxes(-1, -2), spread), turn)
+        used: Any = memory.certainty * (memory.certainty > _LEAST_CERTAINTY)
+        return Estimate(vector[..., :3], vector[..., 3:], covariance, used)
 
 
-def _controlled(bank: Hypotheses, lag: Array, doubt: Array) -> Hypotheses:
-    """Return the bank after the control input U = Ex of Eq. 16, as far as Ex stands out.
+def _control(cloud: RecursiveCloud) -> Number:
+    """Return the control input U = Ex of Eq. 16, as far as Ex stands out.
 
-    The expectation `lag` (..., 3) of n drops that scatter by En is uncertain by the variance
-    `doubt` = En^2 / n; what is taken of it is its share of the sum of both.
+    The expectation of n drops that scatter by En is uncertain by the variance En^2 / n; what is
+    taken of it is its share of the sum of both.
     """
+    lag, entropy = cloud.expectation, cloud.entropy
     squared = lag * lag
-    control = lag * (squared / (squared + doubt))
-    states = bank.states.copy()
-    states[..., TURNING, :, P] += control[..., None, :]
-    return Hypotheses(states, bank.covariances, bank.weights)
+    return lag * squared / (squared + entropy * entropy / cloud.window)
+
+
+def _spread_doubt(clouds: _Clouds) -> Number:
+    """Return (En^2 + He^2) / En^2 over all axes, where He^2 may be negative."""
+    one, two, three = (cloud.entropy for cloud in clouds)
+    variance = clouds.first.variance + clouds.second.variance + clouds.sight.variance
+    return variance / (one * one + two * two + three * three)
 
 
 def _along(axes: Array, covariance: Array) -> Array:
     """Return covariances (..., 3, 3) in the axes."""
-    return axes @ covariance @ axes.swapaxes(-1, -2)
+    return product(product(axes, covariance), axes.swapaxes(-1, -2))
 
 
-def _squares(axes: Array) -> Array:
-    """Return e e^T (..., 3, 9) of the axes e, the rows of `axes` (..., 3, 3)."""
-    return (axes[..., :, None] * axes[..., None, :]).reshape(*axes.shape[:-1], 9)
+def _twice(axes: Array) -> Array:
+    """Return the turn (..., 6, 6) of a position and a velocity into the axes (..., 3, 3)."""
+    turn = np.zeros((*axes.shape[:-2], 6, 6))
+    turn[..., :3, :3] = turn[..., 3:, 3:] = axes
+    return turn
 
 
 def _squared_length(vector: Array) -> Array:
-    return (vector * vector) @ _AXES
+    return (vector * vector).dot(_AXES)
 
 
-def _turned(memory: _Memory, covariance: Array) -> tuple[_Memory, Array]:
+def _turned(memory: _Memory, covariance: Array) -> tuple[_Memory, list[Number]]:
     """Return the memory along axes that follow the line of sight, and the variances there.
 
     Positions, velocities and accelerations turn with the axes. Their variances stay with the axes:
     it is the line of sight that they come from, and a step turns it by next to nothing.
     """
-    turned = _along(memory.axes, covariance)
-    variance = turned.diagonal(axis1=-2, axis2=-1)
-    off = np.abs(turned[..., 2, :2]) > _TURNED * variance[..., 2:]
-    if not off.any():
-        return memory, variance
-    tilt = off[..., :1] | off[..., 1:]
-    axes = np.where(tilt[..., None], _follow(memory.axes, covariance), memory.axes)
+    (first, _, _), (_, second, _), (slant, tilt, sight) = rows(_along(memory.axes, covariance))
+    tilted = (abs(slant) > _TURNED * sight) | (abs(tilt) > _TURNED * sight)
+    if tilted is False or not np.any(tilted):
+        return memory, [first, second, sight]
+    tilted = np.asarray(tilted)[..., None, None]
+    axes = np.where(tilted, _follow(memory.axes, covariance), memory.axes)
     turn = (axes @ memory.axes.swapaxes(-1, -2))[..., None, :, :]
-    states = memory.bank.states
-    states = np.concatenate([turn @ states[..., :3], states[..., 3:]], axis=-1)
-    bank = memory.bank._replace(states=states)
-    memory = memory._replace(bank=bank, axes=axes, squares=_squares(axes))
-    return memory, np.diagonal(_along(axes, covariance), axis1=-2, axis2=-1)
+    states = memory.bank.states.reshape(*memory.bank.weights.shape, SIZE, AXES)
+    kinematic = states[..., :S, :] @ turn.swapaxes(-1, -2)
+    states = np.concatenate([kinematic, states[..., S:, :]], axis=-2)
+    bank = memory.bank._replace(states=states.reshape(memory.bank.states.shape))
+    memory = memory._replace(bank=bank, axes=axes, turn=_twice(axes))
+    variance = np.diagonal(_along(axes, covariance), axis1=-2, axis2=-1)
+    return memory, components(variance)
 
 
 def _follow(axes: Array, covariance: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 UNKNOWN_VARIANCE = 1e6
 
 
-@dataclasses.dataclass(frozen=True)
-class FilterState:
+class FilterState(NamedTuple):
     """The filtered target at one instant, in the frame of the measurements.
 
     Attributes

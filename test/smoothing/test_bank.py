@@ -8,57 +8,80 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from binopos_ros.smoothing.bank import (
+from binopos_ros.smoothing.bank import Bank, Hypotheses, innovations, moments, update
+from binopos_ros.smoothing.bases import (
     CALM,
     MODELS,
+    MOTION,
     MOVING,
     SIZE,
     STEADY,
     STILL,
     TURNING,
-    Bank,
-    Hypotheses,
+    WATER,
+    WAVE_SHARES,
     Motion,
-    innovations,
-    moments,
-    update,
 )
 from binopos_ros.smoothing.wave import oscillator
 
-MOTION = Motion(
+ASSUMED = Motion(
     still_density=1e-9,
     steady_density=1e-4,
     turn_acceleration=0.3,
     turn_time=50.0,
     first_speed=0.2,
     start_speed=0.05,
-    dwells=(1e12, 1e12, 1e12),
-    wave_frequencies=(2.0, 3.0),
+    pause_dwell=1e12,
+    rest_dwell=1e12,
+    steady_dwell=1e12,
+    turn_dwell=1e12,
+    wave_frequencies=(2.0, 3.0, 1.2),
     wave_dwell=1e12,
     calm_dwell=1e12,
-    wave_damping=0.25,
+    wave_dampings=(0.25, 0.25, 0.1),
 )
-WEIGHTS = np.array([0.05, 0.1, 0.1, 0.1, 0.2, 0.1, 0.1, 0.05, 0.2])
+WEIGHTS = np.array([0.05, 0.1, 0.05, 0.05, 0.1, 0.2, 0.1, 0.1, 0.05, 0.2])
 WAVE = np.array([1e-6, 2e-6, 4e-5])
-OMEGAS = 2.0 * np.pi * np.array(MOTION.wave_frequencies)
-STEADY_QUICK, TURNING_SLOW = STEADY.start + 2, TURNING.start + 1
+OMEGAS = 2.0 * np.pi * np.array(ASSUMED.wave_frequencies)
+STEADY_QUICK, TURNING_SLOW, STILL_SWELL = STEADY.start + 2, TURNING.start + 1, STILL.start + 3
+
+
+def bank_of(states, covariances, weights, resting=0.5):
+    """Return the memory of states (M, 3, n) and covariances (M, 3, n, n)."""
+    return Hypotheses(
+        states.swapaxes(-1, -2).reshape(MODELS, -1),
+        covariances.swapaxes(1, 2).reshape(MODELS, -1),
+        weights,
+        resting,
+    )
+
+
+def states_of(bank):
+    return bank.states.reshape(MODELS, SIZE, 3).swapaxes(-1, -2)
+
+
+def covariances_of(bank):
+    return bank.covariances.reshape(MODELS, SIZE, 3, SIZE).swapaxes(1, 2)
 
 
 def continuous(model):
-    """Return drift and noise density (5, 5) of a moving hypothesis, waves of unit variance."""
+    """Return drift and noise density (5, 5) of a hypothesis, waves of unit variance."""
     drift, density = np.zeros((5, 5)), np.zeros((5, 5))
-    drift[0, 1] = 1.0
-    if model == STEADY_QUICK:
-        density[1, 1] = MOTION.steady_density
+    if model == STILL_SWELL:
+        density[0, 0] = ASSUMED.still_density
+    elif model == STEADY_QUICK:
+        drift[0, 1] = 1.0
+        density[1, 1] = ASSUMED.steady_density
     else:
+        drift[0, 1] = 1.0
         drift[1, 2] = 1.0
-        drift[2, 2] = -1.0 / MOTION.turn_time
-        density[2, 2] = 2.0 * MOTION.turn_acceleration**2 / MOTION.turn_time
-    omega = OMEGAS[1 if model == STEADY_QUICK else 0]
+        drift[2, 2] = -1.0 / ASSUMED.turn_time
+        density[2, 2] = 2.0 * ASSUMED.turn_acceleration**2 / ASSUMED.turn_time
+    omega, damping = OMEGAS[WATER[model] - 1], ASSUMED.wave_dampings[WATER[model] - 1]
     drift[3, 4] = omega
     drift[4, 3] = -omega
-    drift[4, 4] = -2.0 * MOTION.wave_damping * omega
-    density[4, 4] = 4.0 * MOTION.wave_damping * omega
+    drift[4, 4] = -2.0 * damping * omega
+    density[4, 4] = 4.0 * damping * omega
     return drift, density
 
 
@@ -84,84 +107,132 @@ def test_oscillator_is_the_exponential_of_its_drift(time):
     np.testing.assert_allclose(oscillator(OMEGAS[1], 0.25, time), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize('model', [STEADY_QUICK, TURNING_SLOW])
+@pytest.mark.parametrize('model', [STILL_SWELL, STEADY_QUICK, TURNING_SLOW])
 @pytest.mark.parametrize('time', [1e-2, 1 / 30, 0.2])
 def test_prediction_of_a_hypothesis_is_the_exact_discretisation(model, time):
     random = np.random.default_rng(model)
     states = np.zeros((MODELS, 3, SIZE))
     states[model] = random.normal(size=(3, SIZE))
     root = random.normal(size=(SIZE, SIZE)) * 0.01
-    if model == STEADY_QUICK:
-        states[model, :, 2] = 0.0
-        root[2] = 0.0
+    absent = {STILL_SWELL: [1, 2], STEADY_QUICK: [2]}.get(model, [])
+    states[model][:, absent] = 0.0
+    root[absent] = 0.0
     covariances = np.tile(root @ root.T, (MODELS, 3, 1, 1))
-    start = Hypotheses(states, covariances, np.full(MODELS, 1.0 / MODELS))
-    ahead = Bank(MOTION).advance(start, WAVE, time)
+    start = bank_of(states, covariances, np.full(MODELS, 1.0 / MODELS))
+    ahead = Bank(ASSUMED).advance(start, WAVE, time)
     drift, density = continuous(model)
     for axis in range(3):
         scale = np.ones(5)
         scale[3:] = np.sqrt(WAVE[axis])
         psi, noise = van_loan(drift, density * np.outer(scale, scale), time)
         np.testing.assert_allclose(
-            ahead.states[model, axis], psi @ states[model, axis], rtol=1e-4, atol=1e-9
+            states_of(ahead)[model, axis], psi @ states[model, axis], rtol=1e-4, atol=1e-9
         )
         expected = psi @ covariances[model, axis] @ psi.T + noise
-        np.testing.assert_allclose(ahead.covariances[model, axis], expected, rtol=2e-2, atol=1e-9)
+        found = covariances_of(ahead)[model, axis]
+        if model == STILL_SWELL:
+            # What a target has that starts is of no account to those that stay.
+            expected[[1, 2]] = expected[:, [1, 2]] = 0.0
+        np.testing.assert_allclose(found, expected, rtol=2e-2, atol=1e-9)
 
 
 def test_still_target_forgets_velocity_and_acceleration():
     states = np.ones((MODELS, 3, SIZE))
     covariances = np.tile(np.eye(SIZE), (MODELS, 3, 1, 1))
-    start = Hypotheses(states, covariances, np.repeat([1.0, 0.0, 0.0], 3) / 3.0)
-    ahead = Bank(MOTION).advance(start, WAVE, 0.1)
-    assert np.all(ahead.states[STILL, :, 1:3] == 0.0)
-    np.testing.assert_array_equal(ahead.states[STILL, :, 0], 1.0)
+    start = bank_of(states, covariances, (MOTION == 0) / 4.0)
+    ahead = states_of(Bank(ASSUMED).advance(start, WAVE, 0.1))
+    assert np.all(ahead[STILL, :, 1:3] == 0.0)
+    np.testing.assert_allclose(ahead[STILL, :, 0], 1.0, rtol=1e-12)
+
+
+LIVELY = dataclasses.replace(
+    ASSUMED,
+    pause_dwell=1.0,
+    rest_dwell=1.0,
+    steady_dwell=2.0,
+    turn_dwell=0.5,
+    wave_dwell=3.0,
+    calm_dwell=5.0,
+)
 
 
 def test_switching_is_a_markov_chain_in_continuous_time():
-    lively = dataclasses.replace(MOTION, dwells=(1.0, 2.0, 0.5), wave_dwell=3.0, calm_dwell=5.0)
     states = np.zeros((MODELS, 3, SIZE))
     covariances = np.tile(1e-12 * np.eye(SIZE), (MODELS, 3, 1, 1))
-    weights = np.array([0.1, 0.3, 0.05, 0.1, 0.05, 0.1, 0.1, 0.1, 0.1])
-    start, bank = Hypotheses(states, covariances, weights), Bank(lively)
-    rates = np.repeat(1.0 / np.array(lively.dwells), 3)
-    # From calm, slow, quick to calm, slow, quick.
-    water = np.array([[0.0, 0.1, 0.1], [0.2, 0.0, 1.0 / 3.0], [0.2, 1.0 / 3.0, 0.0]])
-    generator = np.zeros((MODELS, MODELS))
-    for one in range(MODELS):
-        for other in range(MODELS):
-            if one % 3 == other % 3 and one != other:
-                generator[one, other] = rates[one] / 2.0
-            elif one // 3 == other // 3:
-                generator[one, other] = water[one % 3, other % 3]
-        generator[one, one] = -generator[one].sum()
+    start, bank = bank_of(states, covariances, WEIGHTS), Bank(LIVELY)
+    slow, quick, swell = WAVE_SHARES
+    # From calm, slow, quick, swell to calm, slow, quick, swell.
+    water = np.array(
+        [
+            [0.0, slow / 5.0, quick / 5.0, swell / 5.0],
+            [0.2, 0.0, 2.0 * quick / 3.0, 2.0 * swell / 3.0],
+            [0.2, 2.0 * slow / 3.0, 0.0, 2.0 * swell / 3.0],
+            [0.2, 2.0 * slow / 3.0, 2.0 * quick / 3.0, 0.0],
+        ]
+    )
+    motion = np.array([[0.0, 0.5, 0.5], [0.25, 0.0, 0.25], [1.0, 1.0, 0.0]])
+    generator = np.kron(motion, np.eye(4)) + np.kron(np.eye(3), water)
+    generator -= np.diag(generator.sum(axis=1))
+    # All pairs of motion and water, then those of moving targets in swell counted to slow waves.
+    pairs = np.zeros(12)
+    pairs[4 * MOTION + WATER] = WEIGHTS
+    pairs = (pairs @ expm(0.7 * generator)).reshape(3, 4)
+    pairs[1:, 1] += pairs[1:, 3]
     ahead = bank.advance(start, WAVE, 0.7)
-    np.testing.assert_allclose(ahead.weights, weights @ expm(0.7 * generator), atol=1e-12)
+    np.testing.assert_allclose(ahead.weights, pairs[MOTION, WATER], atol=1e-12)
     twice = bank.advance(bank.advance(start, WAVE, 0.3), WAVE, 0.4)
-    np.testing.assert_allclose(twice.weights, ahead.weights, atol=1e-12)
+    np.testing.assert_allclose(twice.weights, ahead.weights, atol=0.01)
 
 
-def test_calm_water_forgets_the_waves_and_holds_their_spread_ready():
+def test_still_target_that_pauses_or_rests_is_a_chain_with_both():
+    uneven = dataclasses.replace(LIVELY, rest_dwell=40.0)
+    bank = Bank(uneven)
+    states = np.zeros((MODELS, 3, SIZE))
+    covariances = np.tile(1e-12 * np.eye(SIZE), (MODELS, 3, 1, 1))
+    now = bank_of(states, covariances, (MOTION == 0) / 4.0)
+    # Paused, resting, steady, turning; three of ten that stop come to rest.
+    after = np.array([0.7, 0.3])
+    generator = np.zeros((4, 4))
+    generator[0, 2:], generator[1, 2:] = 0.5, 0.5 / 40.0
+    generator[2, :2], generator[2, 3] = 0.25 * after, 0.25
+    generator[3, :2], generator[3, 2] = after, 1.0
+    generator -= np.diag(generator.sum(axis=1))
+    for number in range(1, 121):
+        now = bank.advance(now, WAVE, 1.0 / 60.0)
+        expected = np.array([0.5, 0.5, 0.0, 0.0]) @ expm(number / 60.0 * generator)
+        still = expected[:2].sum()
+        assert now.weights[STILL].sum() == pytest.approx(still, abs=0.01)
+        assert now.resting == pytest.approx(expected[1] / still, abs=0.01)
+
+
+def test_waves_that_set_in_may_be_anywhere_in_their_swing():
     random = np.random.default_rng(4)
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
-    start = Hypotheses(random.normal(size=(MODELS, 3, SIZE)), covariances, WEIGHTS)
-    ahead = Bank(MOTION).advance(start, WAVE, 1.0 / 30.0)
-    np.testing.assert_array_equal(ahead.states[CALM, :, 3:], 0.0)
-    np.testing.assert_array_equal(ahead.covariances[CALM, :, :3, 3:], 0.0)
+    states = random.normal(size=(MODELS, 3, SIZE))
+    states[CALM, :, 3:] = covariances[CALM, :, 3:] = covariances[CALM, ..., 3:] = 0.0
+    start = bank_of(states, covariances, (WATER == 0) / 3.0)
+    ahead = Bank(LIVELY).advance(start, WAVE, 1.0 / 30.0)
+    np.testing.assert_array_equal(states_of(ahead)[CALM, :, 3:], 0.0)
+    np.testing.assert_array_equal(covariances_of(ahead)[CALM, :, 3:], 0.0)
+    rough = WATER > 0
+    np.testing.assert_allclose(states_of(ahead)[rough, :, 3:], 0.0, atol=1e-12)
     spread = WAVE[:, None, None] * np.eye(2)
-    expected = np.broadcast_to(spread, (3, 3, 2, 2))
-    np.testing.assert_allclose(ahead.covariances[CALM, :, 3:, 3:], expected, rtol=1e-12)
+    expected = np.broadcast_to(spread, (rough.sum(), 3, 2, 2))
+    found = covariances_of(ahead)[rough][..., 3:, 3:]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
 
 
 def test_target_that_starts_may_have_any_usual_velocity():
     states = np.zeros((MODELS, 3, SIZE))
     covariances = np.tile(1e-12 * np.eye(SIZE), (MODELS, 3, 1, 1))
     weights = np.eye(MODELS)[STILL.start + 1]
-    lively = dataclasses.replace(MOTION, dwells=(1.0, 1.0, 1.0))
-    ahead = Bank(lively).advance(Hypotheses(states, covariances, weights), WAVE, 0.1)
-    deviation = np.sqrt(ahead.covariances[MOVING, :, 1, 1])
-    np.testing.assert_allclose(deviation, MOTION.start_speed, rtol=0.25)
+    lively = dataclasses.replace(
+        ASSUMED, pause_dwell=1.0, rest_dwell=1.0, steady_dwell=1.0, turn_dwell=1.0
+    )
+    ahead = Bank(lively).advance(bank_of(states, covariances, weights), WAVE, 0.1)
+    deviation = np.sqrt(covariances_of(ahead)[MOVING, :, 1, 1])
+    np.testing.assert_allclose(deviation, ASSUMED.start_speed, rtol=0.25)
 
 
 def test_update_of_full_certainty_is_the_kalman_filters():
@@ -169,25 +240,27 @@ def test_update_of_full_certainty_is_the_kalman_filters():
     states = random.normal(size=(MODELS, 3, SIZE))
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
-    # In calm water the oscillator has no mean and no part in the rest.
-    states[CALM, :, 3:] = covariances[CALM, :, 3:, :3] = covariances[CALM, :, :3, 3:] = 0.0
-    bank = Hypotheses(states, covariances, WEIGHTS)
+    # In calm water there is no oscillator.
+    states[CALM, :, 3:] = covariances[CALM, :, 3:, :] = covariances[CALM, :, :, 3:] = 0.0
+    bank = bank_of(states, covariances, WEIGHTS)
     position, variance = random.normal(size=3), np.array([0.1, 0.2, 0.3])
-    after = update(bank, *innovations(bank, position, variance), np.ones(1))
+    after = update(bank, innovations(bank, position, variance), 1.0)
     likelihood = np.ones(MODELS)
+    row = np.array([[1.0, 0.0, 0.0, 0.0, 1.0]])
     for model in range(MODELS):
-        row = np.array([[1.0, 0.0, 0.0, 0.0, 0.0 if model % 3 == 0 else 1.0]])
         for axis in range(3):
             before = covariances[model, axis]
-            own = variance[axis] * (3.0 if model % 3 == 0 else 1.0)
+            own = variance[axis] * (3.0 if WATER[model] == 0 else 1.0)
             spread = row @ before @ row.T + own
             gain = before @ row.T / spread
             miss = position[axis] - row @ states[model, axis]
             np.testing.assert_allclose(
-                after.states[model, axis], states[model, axis] + gain[:, 0] * miss, atol=1e-12
+                states_of(after)[model, axis],
+                states[model, axis] + gain[:, 0] * miss,
+                atol=1e-12,
             )
             np.testing.assert_allclose(
-                after.covariances[model, axis], before - gain @ row @ before, atol=1e-12
+                covariances_of(after)[model, axis], before - gain @ row @ before, atol=1e-12
             )
             likelihood[model] *= float(
                 np.exp(-0.5 * miss**2 / spread[0, 0])[0] / np.sqrt(spread[0, 0])
@@ -201,12 +274,13 @@ def test_moments_are_those_of_the_mixture():
     states = random.normal(size=(MODELS, 3, SIZE))
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
-    weights = WEIGHTS
-    mean, spread = moments(Hypotheses(states, covariances, weights))
-    model = random.choice(MODELS, 200_000, p=weights)
-    root = np.linalg.cholesky(covariances[:, 1])
-    drawn = states[model, 1] + np.einsum(
-        'nij,nj->ni', root[model], random.standard_normal((model.size, SIZE))
+    mean, spread = moments(bank_of(states, covariances, WEIGHTS), np.ones(MODELS), 1.0)
+    model = random.choice(MODELS, 200_000, p=WEIGHTS)
+    root = np.linalg.cholesky(covariances)
+    drawn = states[model] + np.einsum(
+        'naij,naj->nai', root[model], random.standard_normal((model.size, 3, SIZE))
     )
-    np.testing.assert_allclose(mean[1], drawn[:, :2].mean(axis=0), atol=0.03)
-    np.testing.assert_allclose(spread[1], np.cov(drawn[:, :2].T), rtol=0.03, atol=0.03)
+    # Positions along the axes, then velocities.
+    drawn = drawn[..., :2].swapaxes(1, 2).reshape(-1, 6)
+    np.testing.assert_allclose(mean, drawn.mean(axis=0), atol=0.03)
+    np.testing.assert_allclose(spread, np.cov(drawn.T), rtol=0.03, atol=0.06)

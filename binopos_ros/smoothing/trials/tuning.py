@@ -47,7 +47,6 @@ SEARCHED: dict[str, dict[str, tuple[float, float]]] = {
         'turn_time': (0.1, 3.0),
         'first_speed': (0.02, 0.5),
         'start_speed': (0.003, 0.1),
-        'still_dwell': (1.0, 20.0),
         'steady_dwell': (1.0, 20.0),
         'turn_dwell': (0.2, 5.0),
         'wave_std': (5e-4, 8e-3),
