@@ -48,7 +48,7 @@ BLOCK = 4
 about them have in common. Products of sums over blocks are never negative, whatever the residuals;
 other weights can be, where residuals alternate, as those of subsampled chroma do."""
 
-RETURNED = 0.5
+RETURNED = 0.35
 """Share of the fit's mean leverage by which neighbours' residuals are too little correlated."""
 
 SHARED_EDGE = 9.5

@@ -74,12 +74,13 @@ def _variances(segment: bytes) -> dict[int, float]:
     """By table, the mean variance of rounding to the steps of the lowest frequencies."""
     found = {}
     while segment:
-        wide, table = segment[0] >> 4, segment[0] & 15
-        steps = np.frombuffer(segment[1 : 65 + 64 * bool(wide)], '>u2' if wide else 'u1')
-        if steps.size < 64:
+        wide, table = bool(segment[0] >> 4), segment[0] & 15
+        length = 128 if wide else 64
+        if len(segment) <= length:
             break
-        found[table] = float(np.mean(steps[:LOW_FREQUENCIES].astype(float) ** 2)) / 12
-        segment = segment[65 + 64 * bool(wide) :]
+        steps = np.frombuffer(segment, '>u2' if wide else 'u1', LOW_FREQUENCIES, 1).astype(float)
+        found[table] = float(steps @ steps) / (12 * LOW_FREQUENCIES)
+        segment = segment[1 + length :]
     return found
 
 
