@@ -18,6 +18,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import t as student
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.triangulation import triangulate
@@ -26,14 +27,14 @@ PROJECT = Path(__file__).resolve().parent.parent
 
 PIXEL = 0.00586e-3  # m
 SIZE = (1920, 1200)
+CAMERAS = (1, 2)
 PLANES = (1, 2, 3, 4)
 AIR, GLASS, WATER = 1.0, 1.46, 1.33  # parameters/ptv.par
 NEAR_WATER, PANE = 0.006, 0.006  # the glass begins at z = 6 mm and is 6 mm thick, m
 FLIP = np.diag([1.0, -1.0, -1.0])  # OpenPTV's cameras look along -z with y up, ours along +z
 
-# How well such a tank is known at best: what is not in the dots' own scatter.
-PARALLELISM = np.radians(0.5)  # of the glass and the dots' planes
-SPACING = 0.01  # of the planes' 5 mm steps: 0.05 mm
+
+Image = tuple[int, int]  # its camera and its plane
 
 
 class Pose(NamedTuple):
@@ -49,7 +50,6 @@ class Media(NamedTuple):
 
     water: float = WATER
     bent: bool = True
-    lean: tuple[float, float] = (0.0, 0.0)  # of the glass about y and x, rad
 
 
 def published(folder: Path, camera: int) -> Pose:
@@ -71,8 +71,7 @@ def dots(folder: Path, camera: int, planes: tuple[int, ...]) -> tuple[np.ndarray
 
 def rig_of(left: Pose, right: Pose, media: Media) -> StereoRig:
     """Return the rig of two cameras before the tank."""
-    down = np.array([*media.lean, -1.0])
-    down /= np.linalg.norm(down)
+    down = np.array([0.0, 0.0, -1.0])
     air_side = np.array([0.0, 0.0, NEAR_WATER + PANE])
     surface = FlatInterface(
         left.rotation @ down, (air_side - left.centre) @ down, (AIR, GLASS, media.water), (PANE,)
@@ -105,17 +104,24 @@ def refit(
     planes: tuple[int, ...],
     media: Media,
     free_index: bool = False,
-    spacing: float = 1.0,
+    without: tuple[Image, ...] = (),
     start: list[Pose] | None = None,
 ) -> tuple[list[Pose], float, float]:
     """Fit both cameras' poses, camera constants and principal points to the dots.
+
+    `without` names images that are left out.
 
     Returns:
         The cameras, the water's index, and its standard deviation if every dot errs on its own.
 
     """
-    seen = [dots(folder, camera, planes) for camera in (1, 2)]
-    places = seen[0][1] * [1.0, 1.0, spacing]
+    seen = [dots(folder, camera, planes) for camera in CAMERAS]
+    places = seen[0][1]
+    dots_each = len(places) // len(planes)
+    kept = [
+        np.repeat([(camera, plane) not in without for plane in planes], dots_each)
+        for camera in (1, 2)
+    ]
     start = start or [published(folder, camera) for camera in (1, 2)]
     # At most 90 mrad apart from the start, so a rotation vector to multiply on is regular.
     guess = np.zeros(19)
@@ -137,8 +143,8 @@ def refit(
         index = float(x[18]) if free_index else media.water
         rig = rig_of(left, right, media._replace(water=index))
         points = (places - left.centre) @ left.rotation.T
-        pixels = zip(rig.project(points), seen, strict=True)
-        return np.concatenate([(image - dot).ravel() for image, (dot, _) in pixels])
+        images = zip(rig.project(points), seen, kept, strict=True)
+        return np.concatenate([(image - dot)[which].ravel() for image, (dot, _), which in images])
 
     # Without the index its column is zero, which MINPACK's scaling takes.
     fit = least_squares(residuals, guess, method='lm', x_scale='jac', xtol=1e-9, ftol=1e-9)
@@ -150,42 +156,34 @@ def refit(
 
 
 class FreeIndex(NamedTuple):
-    """The water's index left free, and what its uncertainty is made of (standard deviations)."""
+    """The water's index left free, and its standard deviation by what is taken to err as one."""
 
     index: float
-    dots: float  # every dot erring on its own
-    planes: float  # every plane erring as one: jackknife over the planes
-    parallelism: float
-    spacing: float
+    dots: float  # every dot errs on its own
+    images: float  # an image errs as one: leaving out one of the eight at a time (jackknife)
+    planes: float  # a plane errs as one in both cameras: leaving out one of the four
 
     @property
-    def deviation(self) -> float:
-        """The whole of it; the planes' share contains the dots'."""
-        return float(np.linalg.norm([self.planes, self.parallelism, self.spacing]))
+    def interval(self) -> float:
+        """Half of the 95 % interval: an image errs as one, eight of them are few (Student)."""
+        return float(self.images * student.ppf(0.975, len(CAMERAS) * len(PLANES) - 1))
+
+
+def jackknife(left_out: list[float]) -> float:
+    """Return the standard deviation of an estimate from its values with one group left out."""
+    return float(np.sqrt((len(left_out) - 1) * np.var(left_out)))
 
 
 def free_index(folder: Path) -> FreeIndex:
     """Leave the water's index free in the refit to all planes."""
-
     poses, best, own = refit(folder, PLANES, Media(), True)
 
-    def index(
-        planes: tuple[int, ...] = PLANES,
-        lean: tuple[float, float] = (0.0, 0.0),
-        spacing: float = 1.0,
-    ) -> float:
-        return refit(folder, planes, Media(best, True, lean), True, spacing, poses)[1]
+    def index(*without: Image) -> float:
+        return refit(folder, PLANES, Media(best), True, without, poses)[1]
 
-    left_out = [index(tuple(p for p in PLANES if p != out)) for out in PLANES]
-    share = len(PLANES) - 1
-    leans = [index(lean=lean) - best for lean in ((PARALLELISM, 0.0), (0.0, PARALLELISM))]
-    return FreeIndex(
-        best,
-        own,
-        float(np.sqrt(share * np.var(left_out))),
-        float(np.linalg.norm(leans)),
-        abs(index(spacing=1.0 + SPACING) - best),
-    )
+    images = [index((camera, plane)) for camera in CAMERAS for plane in PLANES]
+    planes = [index(*((camera, plane) for camera in CAMERAS)) for plane in PLANES]
+    return FreeIndex(best, own, jackknife(images), jackknife(planes))
 
 
 def main() -> None:
@@ -201,10 +199,10 @@ def main() -> None:
         fitted = refit(folder, (1, 2, 4), media)[0]
         print(f'  {name:<33}{rms(located(folder, fitted, (3,), media, "refractive")):.3f}')
     found = free_index(folder)
-    print(f'water index left free               {found.index:.4f} +- {found.deviation:.4f}')
-    for name, value in found._asdict().items():
-        if name != 'index':
-            print(f'  share of {name:<24}{value:.4f}')
+    print(f'water index left free, 95 %         {found.index:.4f} +- {found.interval:.4f}')
+    print('  standard deviation if one erred as one:')
+    for name in ('dots', 'images', 'planes'):
+        print(f'  {name:<33}{getattr(found, name):.4f}')
 
 
 if __name__ == '__main__':
