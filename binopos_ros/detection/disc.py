@@ -11,11 +11,12 @@ less than a thousandth of the distance, so its offsets are right to a thousandth
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from .errors import DetectionError
 from .target import Array, Ellipse
@@ -23,7 +24,7 @@ from .target import Array, Ellipse
 Project = Callable[[Array], Sequence[Array]]
 """Projects points (N, 3) m to pixels (N, 2) in each camera, as `StereoRig.project` does."""
 
-RIM_POINTS = 96
+RIM_POINTS = 32
 TILTS = np.radians([0.5, 15, 30, 45, 60, 75])
 AZIMUTHS = np.radians(np.arange(0, 360, 30))
 REFINEMENTS = 8
@@ -82,12 +83,13 @@ def outline_offsets(
 ) -> list[Array]:
     """Give, for each camera, the outline's centre less the image of the disc's centre, (2,) px."""
     position = np.asarray(position, float)
+    rim = position + diameter * _unit_rim(tuple(np.asarray(normal, float).tolist()))
     offsets = []
-    for image in project(np.vstack([position, _rim(position, normal, diameter)])):
-        if not np.isfinite(image).all():
+    for image in project(np.concatenate([rim, position[None]])):
+        if not math.isfinite(image.sum()):
             msg = f'the disc at {np.round(position, 3).tolist()} m is not seen whole'
             raise DetectionError(msg)
-        offsets.append(_enclosed(image[1:]).centre - image[0])
+        offsets.append(_centroid(image[:-1]) - image[-1])
     return offsets
 
 
@@ -109,7 +111,8 @@ def estimate_normal(
 
     def misfit(slant: Array) -> Array:
         rests = []
-        images = project(_rim(position, normal_of(slant), diameter))
+        rim = _unit_rim(tuple(normal_of(slant).tolist()))
+        images = project(position + diameter * rim)
         for image, outline in zip(images, outlines, strict=True):
             expected = _enclosed(image).moments
             rest = (expected - outline.moments) / np.trace(outline.moments)
@@ -157,23 +160,43 @@ def _unit(vector: Array) -> Array:
     return unit
 
 
-def _rim(position: Array, normal: Array, diameter: float) -> Array:
-    axes = np.linalg.svd(_unit(np.asarray(normal, float))[None])[2][1:]
-    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
-    circle = np.column_stack([np.cos(angle), np.sin(angle)]) * diameter / 2
-    rim: Array = position + circle @ axes
+@functools.lru_cache(maxsize=64)
+def _unit_rim(normal: tuple[float, ...]) -> Array:
+    """A polygon of the area of a disc of diameter 1 about the origin, (N + 1, 3) and closed."""
+    x, y, z = _unit(np.array(normal)).tolist()
+    # Two directions across the normal, none of them short wherever it points (Duff et al. 2017).
+    sign = math.copysign(1.0, z)
+    a = -1 / (sign + z)
+    b = x * y * a
+    first, second = (1 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
+    step = 2 * math.pi / RIM_POINTS
+    angle, radius = np.arange(RIM_POINTS + 1) * step, math.sqrt(step / math.sin(step)) / 2
+    rim: Array = radius * (np.outer(np.cos(angle), first) + np.outer(np.sin(angle), second))
+    rim.flags.writeable = False
     return rim
 
 
-def _enclosed(polygon: npt.NDArray[np.float64]) -> Ellipse:
-    """Centroid and second central moments of the area within a polygon (N, 2), by Green."""
-    origin = polygon.mean(0)
-    x, y = (polygon - origin).T
-    nx, ny = np.roll(x, -1), np.roll(y, -1)
-    cross = x * ny - nx * y
+def _crosses(outline: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Of a closed polygon (N + 1, 2) from its first point on: both ends of each side, and z."""
+    x, y = (outline - outline[0]).T
+    return x[:-1], x[1:], y[:-1], y[1:], x[:-1] * y[1:] - x[1:] * y[:-1]
+
+
+def _centroid(outline: Array) -> Array:
+    """Centroid of the area within a closed polygon (N + 1, 2)."""
+    x, nx, y, ny, cross = _crosses(outline)
+    centroid: Array = outline[0] + np.array([(x + nx) @ cross, (y + ny) @ cross]) / (
+        3 * cross.sum()
+    )
+    return centroid
+
+
+def _enclosed(outline: Array) -> Ellipse:
+    """Centroid and second central moments of the area within a closed polygon, by Green."""
+    x, nx, y, ny, cross = _crosses(outline)
     area = cross.sum() / 2
     u, v = ((x + nx) @ cross) / (6 * area), ((y + ny) @ cross) / (6 * area)
     uu = ((x * x + x * nx + nx * nx) @ cross) / (12 * area) - u * u
     vv = ((y * y + y * ny + ny * ny) @ cross) / (12 * area) - v * v
     uv = ((x * ny + 2 * x * y + 2 * nx * ny + nx * y) @ cross) / (24 * area) - u * v
-    return Ellipse(origin + np.array([u, v]), np.array([[uu, uv], [uv, vv]]))
+    return Ellipse(outline[0] + np.array([u, v]), np.array([[uu, uv], [uv, vv]]))
