@@ -3,9 +3,9 @@
     python bench/index.py            # both tables
     python bench/index.py --runs 0   # speed alone
 
-Honesty: for every setting of test/triangulation/test_index.py (the same code), runs of 20 pairs
-with a true index drawn from the prior, errors against the stated deviation (chi-square: 1 is
-right) and against the Cramer-Rao bound. Here the draws are free; the test draws by strata.
+Honesty: for every setting of test/triangulation/index_settings.py (the tests' own), runs of 20
+pairs with a true index drawn from the prior, errors against the stated deviation (chi-square: 1
+is right) and against the Cramer-Rao bound. Here the draws are free; the test draws by strata.
 
 Speed: one pair at a time, as a live node gets them, beside triangulation alone, OpenCV's straight
 triangulation, and a general least-squares fit of point and index (scipy).
@@ -32,8 +32,8 @@ PRIOR_STD = 0.015
 
 
 def settings_of_the_test() -> ModuleType:
-    path = Path(__file__).parents[1] / 'test' / 'triangulation' / 'test_index.py'
-    spec = importlib.util.spec_from_file_location('test_index', path)
+    path = Path(__file__).parents[1] / 'test' / 'triangulation' / 'index_settings.py'
+    spec = importlib.util.spec_from_file_location('index_settings', path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

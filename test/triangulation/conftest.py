@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig, graded_interface
+
+_spec = importlib.util.spec_from_file_location(
+    'index_settings', Path(__file__).with_name('index_settings.py')
+)
+assert _spec is not None
+assert _spec.loader is not None
+_module = sys.modules['index_settings'] = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(_module)
 
 AIR, GLASS, WATER = 1.0, 1.46, 1.333
 
