@@ -3,9 +3,9 @@
     python bench/capture.py /dev/video0     on a camera of this machine
     python bench/capture.py                 on a virtual camera in the camera lab
 
-The cost is processor time (user and system) per frame, start and end of the stream taken off; a
-camera sets the pace, so elapsed time would say nothing. "ours" fetches a frame, copies it once
-into what a ROS message takes, and looks whether the JPEG is whole. Rounds alternate.
+The cost is processor time (user and system) per frame while the stream runs; a camera sets the
+pace, so elapsed time would say nothing. "ours" fetches a frame, copies it once into what a ROS
+message takes, and looks whether the JPEG is whole. Rounds alternate; their median counts.
 
 Below it: the bytes that are allocated from the driver's buffer to the message for the middleware.
 """
@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import importlib.metadata
 import os
-import resource
 import subprocess
 import sys
 import tempfile
+import time
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -32,36 +32,69 @@ from binopos_ros.nodes.camera import image_messages
 
 PROJECT = Path(__file__).resolve().parent.parent
 LAB = PROJECT / 'test' / 'camera_lab'
-FRAMES, ROUNDS = 60, 3
+FRAMES, ROUNDS = 150, 5
+WARM_UP = 10
 
 
-def ours(path: str, frames: int) -> None:
+def ours(path: str) -> float:
     """Our stream, with the copy into the message."""
     with Device(path) as device:
         device.set_format('MJPG', *size_of(device))
         with device.stream(timeout=5.0) as stream:
-            for _ in range(frames):
+
+            def read() -> None:
                 frame = next(stream)
                 copied(frame.data)
                 jpeg_fault(frame.data)
 
+            return timed(read)
 
-def opencv(path: str, frames: int, decode: bool) -> None:
+
+def opencv(path: str, decode: bool) -> float:
     """OpenCV's capture; it decodes by default."""
     capture = cv2.VideoCapture(path, cv2.CAP_V4L2)
     capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*'MJPG'))
     capture.set(cv2.CAP_PROP_CONVERT_RGB, float(decode))
-    for _ in range(frames):
+
+    def read() -> None:
         if not capture.read()[0]:
             raise SystemExit('cv2.VideoCapture gives no frames here')
-    capture.release()
+
+    try:
+        return timed(read)
+    finally:
+        capture.release()
 
 
-def v4l2_ctl(path: str, frames: int) -> None:
+def v4l2_ctl(path: str) -> float:
     """The tool of the V4L project; it fetches the frames and drops them."""
     words = ['v4l2-ctl', '-d', path, '--set-fmt-video=pixelformat=MJPG', '--stream-mmap=4']
-    words += [f'--stream-count={frames}']
-    subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as tool:
+
+        def read() -> None:
+            # It writes this for each frame.
+            while os.read(tool.stdout.fileno(), 1) != b'<':
+                pass
+
+        try:
+            return timed(read, lambda: ran(tool.pid))
+        finally:
+            tool.terminate()
+
+
+def ran(process: int) -> float:
+    """Seconds that the only thread of a process has run."""
+    return int(Path(f'/proc/{process}/schedstat').read_text().split()[0]) * 1e-9
+
+
+def timed(read: Callable[[], None], clock: Callable[[], float] = time.process_time) -> float:
+    """Seconds of processor time per frame."""
+    for _ in range(WARM_UP):
+        read()
+    began = clock()
+    for _ in range(FRAMES):
+        read()
+    return (clock() - began) / FRAMES
 
 
 def allocated(path: str) -> str:
@@ -84,34 +117,18 @@ def size_of(device: Device) -> tuple[int, int]:
     return max(mode.largest for mode in device.modes() if mode.pixel_format == 'MJPG')
 
 
-def processor_time() -> float:
-    """Seconds of user and system time of this process and its ended children."""
-    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in used)
-
-
-def cost(read: Callable[[int], None]) -> float:
-    """Seconds of processor time per frame: a long stretch less a short one."""
-    spent = []
-    for frames in (1, FRAMES + 1):
-        began = processor_time()
-        read(frames)
-        spent.append(processor_time() - began)
-    return (spent[1] - spent[0]) / FRAMES
-
-
 def measure(path: str) -> None:
     """Print the table for a device."""
-    peers: dict[str, Callable[[int], None]] = {
-        'ours': lambda frames: ours(path, frames),
-        'v4l2-ctl --stream-mmap': lambda frames: v4l2_ctl(path, frames),
-        'cv2.VideoCapture, bytes as they are': lambda frames: opencv(path, frames, False),
-        'cv2.VideoCapture, decoded': lambda frames: opencv(path, frames, True),
+    peers: dict[str, Callable[[], float]] = {
+        'ours': lambda: ours(path),
+        'v4l2-ctl --stream-mmap': lambda: v4l2_ctl(path),
+        'cv2.VideoCapture, bytes as they are': lambda: opencv(path, False),
+        'cv2.VideoCapture, decoded': lambda: opencv(path, True),
     }
     spent: dict[str, list[float]] = {name: [] for name in peers}
     for _ in range(ROUNDS):
         for name, read in peers.items():
-            spent[name].append(cost(read))
+            spent[name].append(read())
     own = median(spent['ours'])
     version = importlib.metadata.version('opencv-python-headless')
     print(f'{FRAMES} frames, {ROUNDS} rounds, OpenCV {version}')
@@ -133,7 +150,7 @@ def measure_in_lab() -> int:
             f'wait_for /dev/video0; sleep 1; {sys.executable} {__file__} /dev/video0\n'
             'kill $camera; wait $camera\n'
         )
-        return subprocess.run([LAB / 'run_guest', '-t', '280', script], check=False).returncode
+        return subprocess.run([LAB / 'run_guest', '-t', '400', script], check=False).returncode
 
 
 if __name__ == '__main__':

@@ -66,7 +66,10 @@ def check_pair(left: CameraInfo, right: CameraInfo) -> None:
         )
         raise CaptureError(message)
     if left.p[3] != 0.0:
-        message = 'left.camera_info_url is the calibration of a right camera (its P[3] is not 0)'
+        message = (
+            'left.camera_info_url is the calibration of a right camera (its P[3] is not 0): name '
+            'that of the left one'
+        )
         raise CaptureError(message)
 
 

@@ -170,7 +170,10 @@ def raw_image_bytes(options: CaptureOptions) -> int:
 
 def _rate(side: str, reached: Reached, options: CaptureOptions) -> Iterator[Finding]:
     if reached.trouble or not reached.rate or reached.format is None:
-        yield Finding(FAULT, side, reached.trouble or 'no frames came')
+        remedy = (
+            '' if reached.trouble else 'see whether it waits for a trigger, or raise --seconds'
+        )
+        yield Finding(FAULT, side, reached.trouble or 'fewer than two frames came', remedy)
         return
     form = reached.format
     told = (
