@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 from scipy import optimize
 
+from binopos_ros.optics import FlatInterface, StereoRig
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.index import IndexEstimator
@@ -75,6 +76,10 @@ def speed(test: ModuleType) -> None:
     plain = IndexEstimator(1.34, PRIOR_STD)
     aided = IndexEstimator(1.34, PRIOR_STD, known_plane=KnownPlane((0, 0, 1), 1.25, 1e-3))
     careful = IndexEstimator(1.34, PRIOR_STD, parameter_covariance=errors)
+    leaning = rig_before_a_leaning_pane(rig)
+    crossed = IndexEstimator(1.34, PRIOR_STD)
+    middle = np.array([0.1, 0.0, 1.25]) + random.uniform(-0.1, 0.1, (500, 3))
+    through = iter(np.hstack(leaning.project(middle)).repeat(10, axis=0))
     left_matrix = rig.left.matrix @ np.eye(3, 4)
     right_matrix = rig.right.matrix @ np.column_stack([rig.rotation, rig.translation])
 
@@ -97,15 +102,23 @@ def speed(test: ModuleType) -> None:
         ),
         'triangulation and index': (
             200,
-            lambda r: plain.update(rig, r[:2], r[2:], covariance, covariance),
+            lambda r: update_by(plain, rig, r, covariance),
         ),
         'the same, with a known plane': (
             200,
-            lambda r: aided.update(rig, r[:2], r[2:], covariance, covariance),
+            lambda r: update_by(aided, rig, r, covariance),
         ),
         'the same, with 3 errors of the surface': (
             200,
-            lambda r: careful.update(rig, r[:2], r[2:], covariance, covariance),
+            lambda r: update_by(careful, rig, r, covariance),
+        ),
+        'the first pair of a prior of +- 0.5 (up to 4 linearisations)': (
+            200,
+            lambda r: update_by(IndexEstimator(1.34, 0.5), rig, r, covariance),
+        ),
+        'a port each before a leaning pane': (
+            200,
+            lambda _: update_by(crossed, leaning, next(through), covariance),
         ),
         'point and index by scipy.optimize.least_squares': (5, fit),
     }
@@ -122,6 +135,19 @@ def speed(test: ModuleType) -> None:
     print('|---|---|---|')
     for name, seconds in best.items():
         print(f'| {name} | {1e6 * seconds:.0f} | {seconds / own:.2f} |')
+
+
+def rig_before_a_leaning_pane(rig: StereoRig) -> StereoRig:
+    """The same cameras in housings before a tank's wall: planes at angles."""
+    port = FlatInterface((0, 0, 1), 0.02, (1.0, 1.5, 1.333), (0.008,))
+    pane = FlatInterface((0.15, 0.1, 1), 0.6, (1.333, 1.5, 1.355), (0.02,))
+    return StereoRig(rig.left, rig.right, rig.rotation, rig.translation, pane, port, port)
+
+
+def update_by(
+    estimator: IndexEstimator, rig: StereoRig, row: np.ndarray, covariance: np.ndarray
+) -> object:
+    return estimator.update(rig, row[:2], row[2:], covariance, covariance)
 
 
 def main() -> None:
