@@ -78,6 +78,7 @@ def main(scene: Path, cycles: int) -> int:
         stderr=subprocess.DEVNULL,
     )
     wait_for('the first frames', lambda: all(camera.sent > 2 for camera in cameras))
+    print(0, *held(node.pid), flush=True)
     recoveries, levels = [], {}
     for cycle in range(1, cycles + 1):
         right.unplug()
