@@ -114,6 +114,29 @@ def test_covariance_tells_the_errors_it_makes(rendered):
     assert 1.8 <= squared <= 2.2
 
 
+@pytest.mark.parametrize('qualities', [(70, 80), (80, 90), (90, 96)])
+def test_covariance_of_small_discs_in_jpegs_follows_the_quality(rendered, qualities):
+    rng = np.random.default_rng(qualities[0])
+    trials = []
+    for _ in range(120):
+        scene = one_disc(
+            rendered, rng, rng.uniform(9, 20), rng.uniform(0, 60), rng.uniform(0.4, 1.5)
+        )
+        grey, red = rng.uniform(70, 170), rng.uniform(110, 220)
+        look = rendered.Look(
+            noise=rng.uniform(1, 6),
+            ground=tuple(np.array([1.1, 1.0, 0.8]) * grey * rng.uniform(0.9, 1.1, 3)),
+            disc=(red * rng.uniform(0.15, 0.4), red * rng.uniform(0.15, 0.4), red),
+        )
+        trials.append(trial(rendered, rng, scene, look, int(rng.uniform(*qualities))))
+    found = [each for each in trials if each is not None]
+    assert len(found) >= 0.95 * len(trials)
+    bias, _, squared = summed_up(found)
+    assert bias < 0.03
+    # Right is 2; of so many independent trials the mean is good to 0.2.
+    assert 1.5 <= squared <= 2.5
+
+
 @pytest.mark.parametrize('noise', [0.5, 2.0])
 def test_centre_in_yuyv_over_a_mottled_floor_is_right_wherever_the_disc_lies(rendered, noise):
     rng = np.random.default_rng(14)
