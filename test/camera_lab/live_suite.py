@@ -141,11 +141,23 @@ class Lab:
         }
         self._save()
 
+    def controls(self) -> None:
+        """The left camera's gain is set, and the right one's follows."""
+        left, right = self.cameras.values()
+        observer = self.observer
+        refused = observer.set_parameter('left.controls.gain', 101)
+        for name, value in (('lock_exposure', True), ('left.controls.gain', 40)):
+            observer.set_parameter(name, value)
+        observer.expect('the same gain on both', lambda: left.gain == right.gain == 40)
+        observer.set_parameter('lock_exposure', False)
+        self.results['controls'] = {'refused': refused}
+
     def unplugged(self) -> None:
         left, right = self.cameras.values()
         port = right.port
         unplugged = 'is unplugged; plug it in again'
         self.recover('unplug', 'right', right.unplug, lambda: right.plug(port), unplugged)
+        self.results['controls']['gain_after_replugging'] = right.gain
         self.recover(
             'other port',
             'right',
@@ -257,6 +269,7 @@ def main(scene: Path, out: Path, processes: list[int]) -> None:
         for act in (
             lab.missing_at_start,
             lab.undisturbed,
+            lab.controls,
             lab.unplugged,
             lab.frozen,
             lab.damaged,

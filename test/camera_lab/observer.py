@@ -5,11 +5,13 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, CompressedImage
 from std_srvs.srv import SetBool
@@ -106,7 +108,20 @@ class Observer:
 
     def capture(self, start: bool) -> None:
         """Have the camera node start or stop."""
-        client = self.node.create_client(SetBool, 'start_capture')
-        self.expect('the service', client.service_is_ready)
-        self.expect('the answer', client.call_async(SetBool.Request(data=start)).done)
+        self._call(SetBool, 'start_capture', SetBool.Request(data=start))
+
+    def set_parameter(self, name: str, value: object) -> str:
+        """Set a parameter of the camera node; why it was refused, or ''."""
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()]
+        )
+        reason: str = self._call(SetParameters, 'camera/set_parameters', request).results[0].reason
+        return reason
+
+    def _call(self, kind: type, name: str, request: object) -> Any:
+        client = self.node.create_client(kind, name)
+        self.expect(f'the service {name}', client.service_is_ready)
+        future = client.call_async(request)
+        self.expect(f'the answer of {name}', future.done)
         self.node.destroy_client(client)
+        return future.result()

@@ -244,6 +244,12 @@ def test_a_fault_is_told_and_mended(results, goal, fault, words):
         assert result['seconds_to_pose'] < goal(result)
 
 
+def test_controls_are_set_in_the_device_and_again_after_replugging(results):
+    result = outcome(results, 'controls')
+    assert 'gain = 101 is out of range: it takes 0 to 100' in result['refused']
+    assert result['gain_after_replugging'] == 40
+
+
 def test_left_stays_left_when_the_plugs_are_exchanged(results):
     assert outcome(results, 'exchanged ports')['sides_kept']
 

@@ -24,6 +24,7 @@ _SET_CUR, _GET_CUR, _GET_MIN, _GET_MAX, _GET_RES, _GET_LEN, _GET_INFO, _GET_DEF 
     0x87,
 )
 _PROBE, _COMMIT = 1, 2
+_GAIN = 4
 _ERROR_CODE, _INVALID_CONTROL = 2, b'\x06'
 _READ_AND_WRITE = b'\x03'
 _CLASS_REQUEST = 0x20
@@ -50,7 +51,7 @@ def _controls() -> dict[tuple[int, int], _Control]:
         (terminal, 4): _Control(4, 1, 5000, 1, 166, 166),  # exposure time
         (unit, 2): _Control(2, -64, 64, 1, 0, 0),  # brightness
         (unit, 3): _Control(2, 0, 95, 1, 32, 32),  # contrast
-        (unit, 4): _Control(2, 0, 100, 1, 0, 0),  # gain
+        (unit, _GAIN): _Control(2, 0, 100, 1, 0, 0),
     }
 
 
@@ -90,6 +91,11 @@ class VirtualCamera:
             *(descriptors.string(text) for text in ('binopos', name, serial)),
         ]
         self._session: _Session | None = None
+
+    @property
+    def gain(self) -> int | None:
+        """The gain that the host has set; None while it is unplugged."""
+        return self._session.gain if self._session else None
 
     @property
     def port(self) -> int | None:
@@ -134,6 +140,10 @@ class _Session:
         self._stream = 0
         for work in (self._answer, self._send_frames):
             threading.Thread(target=work, daemon=True).start()
+
+    @property
+    def gain(self) -> int:
+        return self._controls[descriptors.PROCESSING_UNIT, _GAIN].value
 
     def end(self) -> None:
         with self._changed:
