@@ -145,6 +145,16 @@ def follow(
     return _described(frame, patch, seen, threshold, options), threshold
 
 
+def others(frame: Frame, chosen: Candidate, options: DetectorOptions) -> list[Candidate]:
+    """Find the candidates elsewhere in a frame than the one that was followed."""
+    reason = 'the target was followed elsewhere'
+    return [
+        each if each.reason else replace(each, reason=reason)
+        for each in find(frame, options)[0]
+        if not _same(each, chosen)
+    ]
+
+
 def _noise(shades: Map) -> float:
     rest = (shades - cv2.blur(shades, (3, 3)))[::NOISE_STEP, ::NOISE_STEP]
     return 1.5 * _median(np.abs(rest))

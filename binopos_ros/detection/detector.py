@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from .candidates import find, follow
+from .candidates import find, follow, others
 from .centre import measure
 from .errors import DetectionError
 from .images import ColourFrame, Frame, JpegImage, Picture, RawImage, decode
@@ -47,23 +47,30 @@ class Detector:
             return Detection(None, str(error))
         return self.detect_in(frame)
 
-    def detect_in(self, frame: Frame) -> Detection:
-        """Find the target in a decoded image."""
+    def detect_in(self, frame: Frame, survey: bool = False) -> Detection:
+        """Find the target in a decoded image.
+
+        With `survey`, candidates elsewhere in the image are told of too where the target could be
+        followed without a look at them; it takes as long as a search.
+        """
         try:
-            detection = self._detect(frame)
+            detection = self._detect(frame, survey)
         except (DetectionError, cv2.error, np.linalg.LinAlgError) as error:
             detection = Detection(None, str(error))
         self._remember(detection.target)
         return detection
 
-    def _detect(self, frame: Frame) -> Detection:
+    def _detect(self, frame: Frame, survey: bool) -> Detection:
         options = self.options
         if options.method == 'paper':
             return detect_by_extremes(frame, options.paper_red, options.paper_green)
         if self._last is not None and options.track:
             detection = self._followed(frame, self._last)
             if detection.target is not None:
-                return detection
+                if not survey:
+                    return detection
+                rest = others(frame, detection.candidates[0], options)
+                return replace(detection, candidates=(*detection.candidates, *rest))
         return _measured(frame, *find(frame, options))
 
     def _followed(self, frame: Frame, last: Target) -> Detection:

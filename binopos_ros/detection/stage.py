@@ -37,12 +37,15 @@ class CameraStage:
             self._info = info
             self._size = info.camera().size
 
-    def detect(self, stamp: int, decoded: Frame | DetectionError) -> Detection:
+    def detect(
+        self, stamp: int, decoded: Frame | DetectionError, survey: bool = False
+    ) -> Detection:
         """Find the target in one image.
 
         Args:
             stamp: of the image, nanoseconds.
             decoded: the result of `try_decode`.
+            survey: whether to tell of candidates elsewhere too; see `Detector.detect_in`.
         """
         if stamp == self._last_stamp:
             return Detection(None, 'the stamp was repeated')
@@ -56,7 +59,7 @@ class CameraStage:
                 f'the image is {decoded.width} x {decoded.height} but its camera_info is for '
                 f'{calibrated}: calibrate at this size',
             )
-        return self._detector.detect_in(decoded)
+        return self._detector.detect_in(decoded, survey)
 
 
 def try_decode(image: JpegImage | RawImage) -> Frame | DetectionError:

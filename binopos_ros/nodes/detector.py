@@ -81,11 +81,10 @@ class DetectorNode(StageNode):
         self._diagnostics.received[f'{side}/image_raw'] += 1
         stamp = stamp_of(message)
         decoded = try_decode(image)
-        detection = self._stages[side].detect(stamp, decoded)
+        watched = self._overlays[side].get_subscription_count() > 0
+        detection = self._stages[side].detect(stamp, decoded, survey=watched)
         self._newest[side] = detection
-        if self._overlays[side].get_subscription_count() > 0 and not isinstance(
-            decoded, DetectionError
-        ):
+        if watched and not isinstance(decoded, DetectionError):
             self._publish_overlay(side, message.header, decoded, detection)
         if detection.target is None:
             self._diagnostics.drop(f'{side}: {detection.reason}')

@@ -137,6 +137,24 @@ def test_following_keeps_to_the_target_when_a_larger_patch_appears():
     assert np.allclose(detect(both, mirror_above=False).centre, (480, 300), atol=0.3)
 
 
+def test_a_survey_tells_of_what_was_passed_over_while_following():
+    picture = tank(
+        ((150, 300), (14, 14), 0, RED),
+        ((480, 300), (40, 40), 0, RED),
+        ((420, 100), (90, 8), 20, RED),
+    )
+    follower = Detector(mirror_above=False)
+    follower.detect(raw(tank(((150, 300), (14, 14), 0, RED))))
+    plain = follower.detect_in(decode(raw(picture)))
+    survey = follower.detect_in(decode(raw(picture)), survey=True)
+    assert plain.tracked
+    assert survey.tracked
+    assert np.array_equal(plain.target.centre, survey.target.centre)
+    assert not refused(plain)
+    assert any('axis ratio' in reason for reason in refused(survey))
+    assert any('followed elsewhere' in reason for reason in refused(survey))
+
+
 def test_a_target_that_leaves_and_comes_back_elsewhere_is_found_again():
     follower = Detector()
     assert follower.detect(raw(tank(((150, 200), (14, 14), 0, RED)))).target is not None
