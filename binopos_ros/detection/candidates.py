@@ -1,9 +1,7 @@
-"""Red patches, their shapes, and which of them is the target.
+"""Candidates: red patches, their shapes, and which of them is the target.
 
-A patch is first seen where the redness of a square stands out from that of the frame around it,
-at one of several sizes an octave apart. It is then outlined half-way between its own redness and
-its surroundings', at a scale where it is large enough to show its shape and small enough to be
-quick.
+Patches are found in a reduced picture, and outlined at a scale where they are large enough to show
+their shape and small enough to be quick.
 """
 
 from __future__ import annotations
@@ -14,24 +12,27 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from . import moments
-from .colour import Map, redness
+from .colour import redness
 from .errors import DetectionError
 from .images import Frame, Picture
 from .options import DetectorOptions
+from .patches import (
+    Patch,
+    frame_of,
+    median,
+    noise_of,
+    outlined,
+    reaches_over,
+    seeds,
+    settled_about,
+)
 from .target import Candidate, Ellipse
-
-Window = tuple[int, int, int, int]
 
 SEARCH_WIDTH = 320
 SHAPE_SIZE = 8
-MAX_SEEDS = 16
-MOST_CUTS = 5
 LEAST_SIDE = 3
-NOISE_STEP = 3
-NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
 class _Map(NamedTuple):
@@ -40,31 +41,6 @@ class _Map(NamedTuple):
     pixels: Picture
     factor: int
     origin: tuple[int, int]
-
-
-class _Patch(NamedTuple):
-    """A patch in pixels of a reduced map."""
-
-    box: Window
-    mask: npt.NDArray[np.uint8]
-    inside: float
-    outside: float
-
-    def near(self, least: int = 0) -> Window:
-        """The part of the map that the patch is judged by, at least so far about it."""
-        x0, y0, x1, y1 = self.box
-        margin = max(_margin(x1 - x0, y1 - y0), least)
-        return x0 - margin, y0 - margin, x1 + margin, y1 + margin
-
-    def moved(self, column: int, row: int) -> _Patch:
-        """The same patch in a map whose corner lies so much farther to the upper left."""
-        x0, y0, x1, y1 = self.box
-        return self._replace(box=(x0 + column, y0 + row, x1 + column, y1 + row))
-
-
-def _margin(width: int, height: int) -> int:
-    """How far about a patch its surroundings are looked at."""
-    return 3 + max(width, height) // 8
 
 
 def search_factor(frame: Frame) -> int:
@@ -84,12 +60,12 @@ def find(frame: Frame, options: DetectorOptions) -> tuple[list[Candidate], float
     factor = search_factor(frame)
     pixels = frame.reduced(factor, 0, 0, frame.width, frame.height)
     shades = redness(pixels)
-    threshold = max(options.min_contrast, options.noise_factor * _noise(shades))
+    threshold = max(options.min_contrast, options.noise_factor * noise_of(shades))
     candidates: list[Candidate] = []
     if min(shades.shape) < LEAST_SIDE:
         return candidates, threshold
-    for column, row, size in _seeds(shades, threshold):
-        patch = _outlined(shades, column, row, size)
+    for column, row, size in seeds(shades, threshold):
+        patch = outlined(shades, column, row, size)
         if patch is None:
             continue
         seen = _Map(pixels, factor, (0, 0))
@@ -128,18 +104,18 @@ def follow(
         return None, options.min_contrast
     pixels = frame.reduced(factor, x0 * factor, y0 * factor, x1 * factor, y1 * factor)
     shades = redness(pixels)
-    threshold = max(options.min_contrast, options.noise_factor * _noise(shades))
-    outside = _median(_frame_of(shades))
+    threshold = max(options.min_contrast, options.noise_factor * noise_of(shades))
+    outside = median(frame_of(shades))
     column, row = int(u / factor) - x0, int(v / factor) - y0
     shown = 0 <= column < x1 - x0 and 0 <= row < y1 - y0
     inside = float(shades[row, column]) if shown else outside
     if inside - outside < threshold:
         size = int(diameter / factor / 2) | 1
         _, inside, _, (column, row) = cv2.minMaxLoc(cv2.blur(shades, (size, size)))
-    patch = _settled(shades, column, row, inside, outside)
+    patch = settled_about(shades, column, row, inside, outside)
     whole = (-x0, -y0, frame.width // factor - x0, frame.height // factor - y0)
     near_least = moments.margin(factor)
-    if patch is None or _reaches_over(patch.near(near_least), (0, 0, x1 - x0, y1 - y0), whole):
+    if patch is None or reaches_over(patch.near(near_least), (0, 0, x1 - x0, y1 - y0), whole):
         return None, threshold
     seen = _Map(pixels, factor, (x0 * factor, y0 * factor))
     return _described(frame, patch, seen, threshold, options), threshold
@@ -155,111 +131,8 @@ def others(frame: Frame, chosen: Candidate, options: DetectorOptions) -> list[Ca
     ]
 
 
-def _noise(shades: Map) -> float:
-    rest = (shades - cv2.blur(shades, (3, 3)))[::NOISE_STEP, ::NOISE_STEP]
-    return 1.5 * _median(np.abs(rest))
-
-
-def _median(values: Map) -> float:
-    """The median; of an even number of values, the upper of the middle two."""
-    flat, middle = values.ravel(), values.size // 2
-    flat.partition(middle)
-    return float(flat[middle])
-
-
-def _seeds(shades: Map, threshold: float) -> list[tuple[int, int, int]]:
-    """Where the redness stands out: column, row and the size of the square, strongest first."""
-    contrasts: list[Map] = []
-    means = shades
-    sizes = [1]
-    while sizes[-1] < min(shades.shape) / 2:
-        inner, size = sizes[-1], sizes[-1] * 2 + 1
-        wider = cv2.blur(shades, (size, size), borderType=cv2.BORDER_REFLECT)
-        contrast = (means - wider) * np.float32(size**2 / (size**2 - inner**2))
-        contrasts.append(contrast)
-        sizes.append(size)
-        means = np.asarray(wider, np.float32)
-    best = contrasts[0]
-    for each in contrasts[1:]:
-        best = np.maximum(best, each)
-    peaks = (best >= cv2.dilate(best, NEIGHBOURS)) & (best > threshold * 0.75)
-    rows, columns = np.nonzero(peaks)
-    scales = np.argmax([each[rows, columns] for each in contrasts], axis=0)
-    order = np.argsort(-best[rows, columns], kind='stable')[:MAX_SEEDS]
-    return [(int(columns[k]), int(rows[k]), sizes[scales[k]]) for k in order]
-
-
-def _outlined(shades: Map, column: int, row: int, size: int) -> _Patch | None:
-    """The patch about a pixel, cut half-way between its redness and its surroundings'."""
-    height, width = shades.shape
-    whole = (0, 0, width, height)
-    half = size + 2
-    for _ in range(6):
-        x0, y0 = max(column - half, 0), max(row - half, 0)
-        x1, y1 = min(column + half + 1, width), min(row + half + 1, height)
-        part = shades[y0:y1, x0:x1]
-        reach = size // 2
-        square = shades[
-            max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
-        ]
-        inside, outside = cv2.mean(square)[0], _median(_frame_of(part))
-        patch = _settled(part, column - x0, row - y0, inside, outside)
-        if patch is None:
-            return None
-        patch = patch.moved(x0, y0)
-        if not _reaches_over(patch.near(), (x0, y0, x1, y1), whole):
-            return patch
-        half *= 2
-    return None
-
-
-def _reaches_over(near: Window, part: Window, whole: Window) -> bool:
-    """Whether a part of the whole shows less of it than what is near."""
-    return (
-        max(near[0], whole[0]) < part[0]
-        or max(near[1], whole[1]) < part[1]
-        or min(near[2], whole[2]) > part[2]
-        or min(near[3], whole[3]) > part[3]
-    )
-
-
-def _settled(part: Map, column: int, row: int, inside: float, outside: float) -> _Patch | None:
-    """Cut, take the means on both sides, and cut again until the patch stays as it is.
-
-    Where it ends depends on the pixels near the patch alone.
-    """
-    area, patch = 0, None
-    for _ in range(MOST_CUTS):
-        above = (part > (inside + outside) / 2).view(np.uint8)
-        if not above[row, column]:
-            return None
-        size, *_, (x, y, w, h) = cv2.floodFill(above, None, (column, row), 2)
-        # A patch lies within the one that is cut lower, so the same size is the same patch.
-        if size == area:
-            break
-        area = size
-        margin = _margin(w, h)
-        left, top = max(x - margin, 0), max(y - margin, 0)
-        near = slice(top, y + h + margin), slice(left, x + w + margin)
-        seen = part[near]
-        mask = (above[near] == 2).view(np.uint8)
-        around = seen[cv2.dilate(mask, NEIGHBOURS) == 0]
-        if around.size < 4:
-            return None
-        core = cv2.erode(mask, NEIGHBOURS, borderValue=0)
-        inside = cv2.mean(seen, core if cv2.countNonZero(core) else mask)[0]
-        outside = _median(around)
-        inner = mask[y - top : y - top + h, x - left : x - left + w]
-        patch = _Patch((x, y, x + w, y + h), inner, inside, outside)
-    return patch
-
-
-def _frame_of(part: Map) -> Map:
-    return np.concatenate([part[0], part[-1], part[1:-1, 0], part[1:-1, -1]])
-
-
 def _described(
-    frame: Frame, patch: _Patch, seen: _Map, threshold: float, options: DetectorOptions
+    frame: Frame, patch: Patch, seen: _Map, threshold: float, options: DetectorOptions
 ) -> Candidate | None:
     """Outline a patch at the scale that suits its size, and judge it."""
     factor, (left, top) = seen.factor, seen.origin
@@ -284,7 +157,7 @@ def _described(
         row = ((y0 + rows[k] + 0.5) * factor + top - wide[1]) / finer
         column = min(int(column), shades.shape[1] - 1)
         row = min(int(row), shades.shape[0] - 1)
-        settled = _settled(shades, column, row, patch.inside, patch.outside)
+        settled = settled_about(shades, column, row, patch.inside, patch.outside)
         if settled is None:
             return None
         patch = settled
@@ -302,7 +175,7 @@ def _described(
     return Candidate(outline, contrast, patch.inside, fit, score, reason)
 
 
-def _is_cut(patch: _Patch, seen: _Map, frame: Frame) -> bool:
+def _is_cut(patch: Patch, seen: _Map, frame: Frame) -> bool:
     factor, (left, top) = seen.factor, seen.origin
     x0, y0, x1, y1 = patch.box
     return (
@@ -313,7 +186,7 @@ def _is_cut(patch: _Patch, seen: _Map, frame: Frame) -> bool:
     )
 
 
-def _shape(patch: _Patch, seen: _Map) -> tuple[Ellipse, float]:
+def _shape(patch: Patch, seen: _Map) -> tuple[Ellipse, float]:
     """The ellipse of a patch's moments, in px of the image, and how well the two agree."""
     m = cv2.moments(patch.mask)
     area = m['m00']
@@ -330,7 +203,7 @@ def _shape(patch: _Patch, seen: _Map) -> tuple[Ellipse, float]:
     return _placed(moments.Moments(u, v, uu, uv, vv), patch.box, seen), both / (full + area - both)
 
 
-def _covered(patch: _Patch, seen: _Map) -> Ellipse:
+def _covered(patch: Patch, seen: _Map) -> Ellipse:
     """The outline by the share of the pixels that the patch covers, in px of the image."""
     height, width = seen.pixels.shape[:2]
     x0, y0, x1, y1 = patch.box
@@ -354,7 +227,7 @@ def _placed(found: moments.Moments, corner: tuple[int, ...], seen: _Map) -> Elli
 def _refusal(
     outline: Ellipse,
     fit: float,
-    patch: _Patch,
+    patch: Patch,
     cut: bool,
     threshold: float,
     options: DetectorOptions,
