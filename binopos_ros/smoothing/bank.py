@@ -39,7 +39,6 @@ from binopos_ros.smoothing.bases import (
     CALM,
     COVARIANCES,
     MODELS,
-    MOTIONS,
     MOVING,
     SIZE,
     STATES,
@@ -176,7 +175,8 @@ class Bank:
             calm[..., P, P] = _CALM_DOUBT * variance
             calm[..., S:, :] = calm[..., S:] = 0.0
         rough = (1.0 - _CALM_AT_FIRST) * bases.WAVE_SHARES
-        weights = np.array([_CALM_AT_FIRST, *rough])[bases.WATER] / MOTIONS
+        weights = np.array([_CALM_AT_FIRST, *rough])[bases.WATER]
+        weights /= weights.sum()
         return Hypotheses(
             states.reshape(*batch, MODELS, STATES),
             square.swapaxes(-3, -2).reshape(*batch, MODELS, COVARIANCES),

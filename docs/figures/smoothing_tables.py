@@ -119,7 +119,7 @@ def swell_table() -> None:
     print('\n### A single wave over a still target: error as a share of the swell\n')
     print('| wave (Hz) | two wave frequencies | one in their place |')
     print('|---|---|---|')
-    for frequency in (1.2, 1.6, 2.5, 4.0, 6.0):
+    for frequency in (0.8, 1.0, 1.2, 1.6, 2.5, 4.0, 6.0):
         shares = [
             swell_share(make_filter(OURS, **options), frequency)
             for options in ({}, {'slow_waves': middle, 'quick_waves': middle})

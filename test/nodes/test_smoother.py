@@ -54,7 +54,7 @@ def test_a_moving_target_gives_its_pose_its_velocity_and_markers(start, peer):
 
 
 def test_at_a_fixed_rate_the_pose_is_foretold_for_the_sensor_timeout_and_then_stops(start, peer):
-    values = {'output_rate': 50.0, 'sensor_timeout': 1.0}
+    values = {'output_rate': 50.0, 'sensor_timeout': 3.0}
     start('smoother', parameters={'smoother': values})
     positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
     poses = peer.listen(PoseWithCovarianceStamped, 'target/pose')
@@ -65,11 +65,15 @@ def test_at_a_fixed_rate_the_pose_is_foretold_for_the_sensor_timeout_and_then_st
         last = begin + k * PERIOD
         peer.wait_for(lambda stamp=last: time.time_ns() >= stamp, 'the next frame')
         positions.publish(position(last, 0.0))
-    peer.wait_for(lambda: time.time_ns() > last + 2_500_000_000, 'silence')
-    after = [message for message in poses if stamp_of(message) > last + PERIOD]
-    assert len(after) > 20
-    assert stamp_of(after[-1]) <= last + 1_000_000_000
-    variances = [np.trace(covariance_of(message)[:3, :3]) for message in after]
+
+    def after() -> list[PoseWithCovarianceStamped]:
+        return [message for message in poses if stamp_of(message) > last + PERIOD]
+
+    # A seventh of those due: a busy machine may leave ticks out, but not all of them.
+    peer.wait_for(lambda: len(after()) > 20, 'poses foretold')
+    peer.wait_for(lambda: time.time_ns() > last + 4_500_000_000, 'silence')
+    assert stamp_of(after()[-1]) <= last + 3_000_000_000
+    variances = [np.trace(covariance_of(message)[:3, :3]) for message in after()]
     assert variances == sorted(variances)
 
 
