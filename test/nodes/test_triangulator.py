@@ -10,8 +10,11 @@ import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from sensor_msgs.msg import CameraInfo
 
-from binopos_ros.bag.messages import position_of, stamp_of
+from binopos_ros.bag.messages import position_of, read_camera_info_message, stamp_of
 from binopos_ros.nodes.messages import pose_message
+from binopos_ros.parameters import build
+from binopos_ros.triangulation.options import TriangulatorOptions
+from binopos_ros.triangulation.stage import Centroid, Triangulator
 
 pytestmark = pytest.mark.live
 
@@ -80,8 +83,8 @@ def interface_in(left: Orientation) -> dict[str, object]:
     }
 
 
-def locate(start, peer, infos, parameters, left_px, right_px):
-    """Positions (N, 3) that the node gives for pairs sent over topics."""
+def locate(start, peer, infos, parameters, left_px, right_px, skew=0):
+    """Positions (N, 3) that the node gives for pairs over topics, the right `skew` ns later."""
     start('triangulator', parameters={'triangulator': parameters})
     pose = PoseWithCovarianceStamped
     calibrations = {side: peer.publisher(CameraInfo, f'{side}/camera_info') for side in infos}
@@ -94,7 +97,8 @@ def locate(start, peer, infos, parameters, left_px, right_px):
         calibrations[side].publish(info)
     for k, pair in enumerate(zip(left_px, right_px, strict=True)):
         for side, pixel in zip(('left', 'right'), pair, strict=True):
-            message = pose_message(k * 10_000_000, 'left_camera', (*pixel, 5.0), 0.04 * np.eye(2))
+            stamp = k * 10_000_000 + (skew if side == 'right' else 0)
+            message = pose_message(stamp, 'left_camera', (*pixel, 5.0), 0.04 * np.eye(2))
             centroids[side].publish(message)
         if k % 4 == 3:
             peer.wait_for(lambda k=k: len(got) > k, f'position {k}')
@@ -123,3 +127,35 @@ def test_a_real_rig_through_glass_and_water(
     assert messages[0].header.frame_id == 'left_camera'
     if method == 'refractive':
         assert indices[0].vector.x == WATER_INDEX
+
+
+def test_free_running_cameras_give_live_what_the_stage_gives_offline(start, peer, shared_data):
+    """The right images 3 ms after the left ones, of a target that moves along a row of dots."""
+    folder = shared_data / 'openptv-multiplane'
+    left, right = (Orientation(folder / 'cal' / f'cam{c}.tif.ori') for c in (1, 2))
+    left_px, right_px, _ = (part[:20] for part in read_pairs(folder))
+    infos = camera_infos(left, right)
+    parameters = {**interface_in(left), 'epipolar_gate': 0.0, 'pair_tolerance': 0.004}
+    stage = Triangulator(build(TriangulatorOptions, parameters))
+    for side, info in infos.items():
+        stage.set_camera(side, read_camera_info_message(info, side))
+    offline = []
+    for k, pair in enumerate(zip(left_px, right_px, strict=True)):
+        for side, pixel, late in zip(('left', 'right'), pair, (0, 3_000_000), strict=True):
+            stamp = k * 10_000_000 + late
+            centroid = Centroid(stamp, 'left_camera', pixel, 0.04 * np.eye(2), 5.0)
+            offline += stage.add(side, centroid)
+    live, _, _ = locate(start, peer, infos, parameters, left_px, right_px, skew=3_000_000)
+    expected = np.array([position.point for position in offline])
+    np.testing.assert_allclose(live, expected, rtol=0, atol=1e-9)
+    together = Triangulator(build(TriangulatorOptions, parameters | {'triggered': True}))
+    for side, info in infos.items():
+        together.set_camera(side, read_camera_info_message(info, side))
+    last = [
+        found
+        for side, pixel, late in zip(
+            ('left', 'right'), (left_px[-1], right_px[-1]), (0, 3_000_000), strict=True
+        )
+        for found in together.add(side, Centroid(late, '', pixel, 0.04 * np.eye(2), 5.0))
+    ]
+    assert np.linalg.norm(last[0].point - expected[-1]) > 1e-4
