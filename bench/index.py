@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 from scipy import optimize
 
+from binopos_ros.calibration.uncertain import UncertainRig
 from binopos_ros.optics import FlatInterface, StereoRig
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.depth_aid import KnownPlane
@@ -80,6 +81,11 @@ def speed(test: ModuleType) -> None:
     crossed = IndexEstimator(1.34, PRIOR_STD)
     middle = np.array([0.1, 0.0, 1.25]) + random.uniform(-0.1, 0.1, (500, 3))
     through = iter(np.hstack(leaning.project(middle)).repeat(10, axis=0))
+    crossed_errors = np.diag([0.0 if 'ind' in name else 1e-6 for name in leaning.parameter_names])
+    crossed_careful = IndexEstimator(1.34, PRIOR_STD, parameter_covariance=crossed_errors)
+    calibrated = UncertainRig(rig.left, rig.right, rig.rotation, rig.translation, rig.interface)
+    whole = 1e-8 * np.eye(len(calibrated.parameter_names))
+    thorough = IndexEstimator(1.34, PRIOR_STD, parameter_covariance=whole)
     left_matrix = rig.left.matrix @ np.eye(3, 4)
     right_matrix = rig.right.matrix @ np.column_stack([rig.rotation, rig.translation])
 
@@ -119,6 +125,14 @@ def speed(test: ModuleType) -> None:
         'a port each before a leaning pane': (
             200,
             lambda _: update_by(crossed, leaning, next(through), covariance),
+        ),
+        f'the same, with {np.count_nonzero(crossed_errors)} errors of the surfaces': (
+            50,
+            lambda _: update_by(crossed_careful, leaning, next(through), covariance),
+        ),
+        f'one surface, with {len(whole) - 1} errors of a whole calibration': (
+            50,
+            lambda r: update_by(thorough, calibrated, r, covariance),
         ),
         'point and index by scipy.optimize.least_squares': (5, fit),
     }

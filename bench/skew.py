@@ -1,0 +1,54 @@
+"""Free-running cameras: what a skew does to a moving target, and what is left of it.
+
+    python bench/skew.py
+
+The scenes of test/triangulation/test_skew.py (the same code): the paper's rig over water, 0.05 px,
+200 pairs at 30 per second, the right image so many frame periods after the left one.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+SKEWS = (-0.45, -0.2, 0.2, 0.45)
+
+
+def scenes_of_the_test() -> ModuleType:
+    path = Path(__file__).parents[1] / 'test' / 'triangulation' / 'test_skew.py'
+    spec = importlib.util.spec_from_file_location('test_skew', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def main() -> None:
+    test = scenes_of_the_test()
+
+    def rms_and_square(name: str, skew: float, triggered: bool) -> tuple[float, float]:
+        target = test.PATHS[name]
+        stage = test.triangulator(triggered=triggered)
+        errors, square = test.misses(test.positions(stage, test.seen(target, skew)), target)
+        return 1e3 * float(np.sqrt((errors**2).sum(axis=1).mean())), square
+
+    print('3-D RMS in mm, and mean normalised squared error (3 is right)\n')
+    print('| target | skew, periods | same instant | as it is | | brought along | |')
+    print('|---|---|---|---|---|---|---|')
+    for name in test.PATHS:
+        together, _ = rms_and_square(name, 0.0, False)
+        for skew in SKEWS:
+            before, square = rms_and_square(name, skew, True)
+            after, honest = rms_and_square(name, skew, False)
+            print(
+                f'| {name.replace("_", " ")} | {skew} | {together:.2f} | {before:.2f} '
+                f'| {square:.0f} | {after:.2f} | {honest:.2f} |'
+            )
+
+
+if __name__ == '__main__':
+    main()
