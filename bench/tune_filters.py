@@ -67,9 +67,9 @@ def main() -> None:
 
 
 def calibrate() -> None:
-    """Set the factors on the default filter's covariance, by 600 training sequences."""
+    """Set the factors on the default filter's covariance, by 300 training sequences."""
     options = {name: value for name, value in tuned.TUNED[OURS].items() if name not in SCALES}
-    calibration = Calibration(training_set(600), **options)
+    calibration = Calibration(training_set(300), **options)
     scales = calibration.best()
     save(OURS, {**options, **scales})
     errors = calibration.normalised(np.array([scales[name] for name in SCALES]))

@@ -169,7 +169,8 @@ class _Memory(NamedTuple):
     """The bank; the clouds; the axes (..., 3, 3), rows, the last one the line of sight.
 
     `wave` (..., 3) is the waves' variance along the axes, m^2; `trust` the mean certainty of
-    late; `turn` (..., 6, 6) turns positions and velocities into the axes.
+    late; `turn` (..., 6, 6) turns positions and velocities into the axes; `roughness` says how
+    far the factors on the covariance hold.
     """
 
     bank: Hypotheses
@@ -179,6 +180,7 @@ class _Memory(NamedTuple):
     certainty: Number
     trust: Number
     turn: Array
+    roughness: Number
 
 
 class CloudKalmanFilter(Filter[_Memory]):
@@ -197,8 +199,9 @@ class CloudKalmanFilter(Filter[_Memory]):
             self.options.steady_scale,
             self.options.turning_scale,
         )
-        # In calm water the hypotheses' own covariances are on the safe side as they are.
-        self._scales = np.where(WATER == CALM_WATER, 1.0, np.array(motions)[MOTION])
+        self._least_wave = (_LEAST_WAVES * self.options.wave_std) ** 2
+        # Of the factors on the hypotheses' covariances what is not 1, as it is in calm water.
+        self._scales = np.where(WATER == CALM_WATER, 0.0, np.array(motions)[MOTION] - 1.0)
         rest = self.options.resting_scale - self.options.paused_scale
         self._rest_scales = np.where((WATER != CALM_WATER) & (MOTION == 0), rest, 0.0)
 
@@ -217,7 +220,7 @@ class CloudKalmanFilter(Filter[_Memory]):
         )
         bank = self._bank.start((axes @ position[..., None])[..., 0], variance, wave)
         one = np.ones(batch) if batch else 1.0
-        return _Memory(bank, clouds, wave, axes, one, _FIRST_TRUST * one, _twice(axes))
+        return _Memory(bank, clouds, wave, axes, one, _FIRST_TRUST * one, _twice(axes), one)
 
     def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         return _Memory(self._bank.advance(memory.bank, memory.wave, elapsed), *memory[1:])
@@ -237,9 +240,12 @@ class CloudKalmanFilter(Filter[_Memory]):
         drops = _Clouds(
             *(cloud.add(drop, certainty) for cloud, drop in zip(clouds, left, strict=True))
         )
-        wave = vector(self._waves(drops, variance))
+        waves = list(self._waves(drops, variance))
         trust = trust + _FORGETTING * (certainty - trust)
-        return _Memory(bank, drops, wave, memory.axes, certainty, trust, memory.turn)
+        roughness = self._roughness(waves[0], waves[1])
+        return _Memory(
+            bank, drops, vector(waves), memory.axes, certainty, trust, memory.turn, roughness
+        )
 
     def _waves(self, clouds: _Clouds, variance: list[Number]) -> Iterator[Number]:
         """Yield the waves' variances: the entropies' squares less the measurement's variances.
@@ -250,9 +256,17 @@ class CloudKalmanFilter(Filter[_Memory]):
             cloud.entropy**2 / own - 1.0 for cloud, own in zip(clouds, variance, strict=True)
         ]
         common = _POOLED / 3.0 * (shares[0] + shares[1] + shares[2])
-        least = (_LEAST_WAVES * self.options.wave_std) ** 2 / (0.5 * (variance[0] + variance[1]))
+        least = self._least_wave / (0.5 * (variance[0] + variance[1]))
         for share, own in zip(shares, variance, strict=True):
             yield own * larger(common + (1.0 - _POOLED) * share, least)
+
+    def _roughness(self, first: Number, second: Number) -> Number:
+        """Return how far waves of those variances across the line of sight are from the least.
+
+        From 0 to nearly 1: the factors on the covariance are for waves, not for pixels' noise.
+        """
+        share = self._least_wave / (0.5 * (first + second))
+        return 1.0 - share * share
 
     def _place(self, memory: _Memory) -> Array:
         return product(mean_position(memory.bank)[..., None, :], memory.axes)[..., 0, :]
@@ -260,6 +274,7 @@ class CloudKalmanFilter(Filter[_Memory]):
     def _estimate(self, memory: _Memory) -> Estimate:
         bank, turn = memory.bank, memory.turn
         scales = self._scales + beside(bank.resting, 1) * self._rest_scales
+        scales = 1.0 + beside(memory.roughness, 1) * scales
         mean, spread = moments(bank, scales, self.options.means_scale)
         vector = product(mean[..., None, :], turn)[..., 0, :]
         covariance = product(product(turn.swapaxes(-1, -2), spread), turn)
