@@ -111,20 +111,21 @@ class Lab:
 
     def missing_at_start(self) -> None:
         left, right = self.cameras.values()
-        left.plug()
         observer = self.observer
+        observer.kept = []
+        left.plug()
         observer.expect(
             'the suite',
-            lambda: IMAGES['left'] in observer.newest and len(observer.stages) == STAGES,
+            lambda: 'left/centroid' in observer.newest and len(observer.stages) == STAGES,
             START,
         )
         missing = 'right: camera'
         self.recover('missing at start', 'right', lambda: None, right.plug, missing, tries=1)
 
     def undisturbed(self) -> None:
+        """From the first pair on: a filter's state depends on all that it has seen."""
         observer = self.observer
-        kept: list[tuple[str, str, int, bytes]] = []
-        observer.kept = kept
+        kept = observer.kept or []
         observer.expect(
             'the poses', lambda: sum(topic == POSE for topic, *_ in kept) >= UNDISTURBED, START
         )

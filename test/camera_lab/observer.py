@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, CompressedImage
 from std_srvs.srv import SetBool
 
@@ -21,10 +21,13 @@ TOPICS = {
     'right/image_raw/compressed': CompressedImage,
     'left/camera_info': CameraInfo,
     'right/camera_info': CameraInfo,
+    'left/centroid': PoseWithCovarianceStamped,
+    'right/centroid': PoseWithCovarianceStamped,
     'target/position': PoseWithCovarianceStamped,
     'target/pose': PoseWithCovarianceStamped,
 }
 POSE = 'target/pose'
+EVERY_MESSAGE = QoSProfile(depth=200)
 PATIENCE = 60.0
 """Seconds after which what has not come will not come."""
 
@@ -56,7 +59,7 @@ class Observer:
         self.said = ''
         for topic, kind in TOPICS.items():
             self.node.create_subscription(
-                kind, topic, self._keeper(topic, kind), qos_profile_sensor_data, raw=True
+                kind, topic, self._keeper(topic, kind), EVERY_MESSAGE, raw=True
             )
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 20)
 

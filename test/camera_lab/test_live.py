@@ -125,8 +125,19 @@ def goal(slowness):
 
 @pytest.fixture(scope='module')
 def recorded(lab):
-    """A bag of what the suite sent in the undisturbed stretch, and what `process` makes of it."""
+    """A bag of what the suite sent before the first fault, and what `process` makes of it.
+
+    Images that the detector was too late for, where the emulated machine was held up, are left
+    out.
+    """
     kept = pickle.loads((lab / 'out/messages.pickle').read_bytes())
+    detected = {(topic, stamp) for topic, _, stamp, _ in kept if topic.endswith('/centroid')}
+    kept = [
+        one
+        for one in kept
+        if not one[0].endswith('/centroid')
+        and ('image_raw' not in one[0] or (f'{one[0].split("/")[0]}/centroid', one[2]) in detected)
+    ]
     bag, processed = lab / 'live_bag', lab / 'processed.mcap'
     with BagWriter(bag) as writer:
         for topic, kind in {(topic, kind) for topic, kind, _, _ in kept}:
@@ -195,17 +206,16 @@ def test_the_suite_runs_live_and_measures_its_pairs(results, recorded):
     assert abs(median) <= float(status['Pair skew, 99th percentile (ms)']) <= 250.0
 
 
-def test_live_positions_are_those_of_process_on_the_same_frames(recorded):
-    bag, processed = recorded
-    live = positions(bag, '/stereo/target/position')
-    offline = positions(processed, '/stereo/target/position')
+@pytest.mark.parametrize('topic', ['/stereo/target/position', '/stereo/target/pose'])
+def test_live_positions_are_those_of_process_on_the_same_frames(recorded, topic):
+    live, offline = (positions(bag, topic) for bag in recorded)
     common = live.keys() & offline.keys()
     assert len(common) >= 10
-    difference = [live[stamp] - offline[stamp] for stamp in common]
+    difference = [np.abs(live[stamp] - offline[stamp]).max() for stamp in common]
     # The emulated processor rounds otherwise, having other vector instructions; now and then that
     # decides whether a pixel belongs to the target's edge.
-    assert np.median(np.abs(difference)) < 1e-5
-    assert np.abs(difference).max() < 1e-3
+    assert np.median(difference) < 1e-5
+    assert max(difference) < 1e-3
 
 
 def test_live_positions_follow_the_truth_as_those_of_process_do(lab, recorded):
