@@ -25,11 +25,30 @@ def waves(count, frequency, size, rate=30.0):
     return size * np.sin(2 * np.pi * frequency * stamps[:, None] + phases)
 
 
-@pytest.mark.parametrize('frequency', [1.6, 2.5, 4.0, 6.0])
+@pytest.mark.parametrize('frequency', [1.0, 1.2, 1.4, 1.6, 2.5, 4.0, 6.0])
 def test_waves_of_any_basin_leave_a_still_target_in_its_place(frequency):
     swing = waves(300, frequency, [0.002, 0.002, 0.015])
     errors = np.array([state.position for state in track(PLACE + swing)])[60:] - PLACE
     assert np.sqrt(np.mean(errors**2)) < 0.1 * np.sqrt(np.mean(swing**2))
+
+
+def test_target_that_is_shaken_in_calm_water_is_not_taken_for_swell():
+    stamps = np.arange(300) / 30.0
+    angle = 2.0 * np.pi * 1.2 * stamps
+    swing = 0.013 * np.column_stack([np.sin(angle), np.cos(angle), 0.5 * np.sin(angle)])
+    noise = np.random.default_rng(3).normal(0.0, [1e-4, 1e-4, 1e-3], (300, 3))
+    found = np.array([state.position for state in track(PLACE + swing + noise)])
+    errors = (found - PLACE - swing)[30:]
+    assert np.sqrt(np.mean(errors**2)) < 0.2 * np.sqrt(np.mean(swing**2))
+
+
+def test_target_that_rests_is_surer_than_one_that_has_just_stopped():
+    stamps = np.arange(450) / 30.0
+    way = 0.1 * np.clip(stamps, 0.0, 2.0)
+    line = PLACE + np.column_stack([way, 0.0 * way, 0.0 * way])
+    states = track(line + waves(450, 3.0, [0.001, 0.001, 0.006]))
+    spreads = [np.sqrt(np.trace(state.covariance[:3, :3])) for state in states]
+    assert np.mean(spreads[420:]) < 0.5 * np.mean(spreads[75:105])
 
 
 @pytest.mark.parametrize('rate', [10, 60, 120])
