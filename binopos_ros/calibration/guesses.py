@@ -23,6 +23,9 @@ from binopos_ros.optics import FlatInterface
 UNKNOWN_NORMAL = 0.5  # rad
 UNKNOWN_DISTANCE = 10.0  # m
 UNKNOWN_INDEX = 0.1
+#: A ball shows the index so little that its outline's ellipse outweighs it: then it is taken for
+#: that of water, fresh or salt, unless it was measured.
+ASSUMED_INDEX = 0.01
 UNKNOWN_LAYER = 0.01  # the index of glass or acrylic whose kind is known
 #: A port with a shared surface behind it has air, or the same water, on both sides, and then where
 #: it stands makes no difference. So it needs a place beforehand: a housing's, before its camera.
@@ -129,6 +132,14 @@ def with_known_ports(guesses: Sequence[InterfaceGuess]) -> list[InterfaceGuess]:
         distance = PORT_DISTANCE if port.distance is None else port.distance
         known.append(replace(port, distance=distance, deviations=deviations))
     return [*shared, *known]
+
+
+def with_assumed_index(guesses: Sequence[InterfaceGuess]) -> list[InterfaceGuess]:
+    """Guesses for views of a ball: an index that was not measured is that given, nearly."""
+    return [
+        replace(guess, deviations={TARGET_INDEX: ASSUMED_INDEX, **guess.deviations})
+        for guess in guesses
+    ]
 
 
 def unknowns(

@@ -21,6 +21,7 @@ from binopos_ros.calibration.guesses import (
     check_places,
     prior_deviations,
     unknowns,
+    with_assumed_index,
     with_known_ports,
 )
 from binopos_ros.calibration.noise import widened
@@ -102,6 +103,8 @@ def calibrate_interface(
     guesses = with_known_ports(guesses)
     if not views:
         return _ruler_only(air, guesses, air_covariance)
+    if not any(view.turns for view in views):
+        guesses = with_assumed_index(guesses)
     best, prior = _best_start(air, views, guesses, air_covariance, free_cameras)
     fit = adjust(best.state, best.poses, views, best.free, prior, robust=robust, sigma=sigma)
     dropped: list[Dropped] = []

@@ -28,6 +28,14 @@ FEW_VIEWS = 8
 LITTLE_TILT = 25.0  # degrees
 EMPTY = 0.5  # of the pictures' parts
 SHALLOW = 0.15  # of the nearest board's distance
+#: A target of known size gives its place and its size, four numbers each time and three of them
+#: for its place; the bound of 20 places at 0.1 px is 0.03 for the index, of 60 places 0.014.
+BALL_REMEDIES = {
+    '': 'a target of known size hardly shows it, however many places; give what the temperature '
+    'and the salinity of the water make it (--prior target_index=1.333,0.0005), or show a board',
+    'distance': 'measure the distance with a ruler and give it as a prior, or show a board',
+    'normal': 'show the target at more places, farther apart, or show a board',
+}
 
 
 @dataclass(frozen=True)
@@ -181,6 +189,8 @@ def _remedy(calibration: InterfaceCalibration, name: str) -> str:
             f'show the target at other depths as well (here {1000 * depths[0]:.0f} to '
             f'{1000 * depths[1]:.0f} mm from the camera)'
         )
+    if not boards:
+        return BALL_REMEDIES[parameter.partition('.')[0]]
     if len(views) < FEW_VIEWS:
         return f'take more views, {len(views)} are few: ten with mixed tilts are good'
     if parameter == 'distance':

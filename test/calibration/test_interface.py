@@ -11,13 +11,15 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from binopos_ros.calibration.adjust import View
+from binopos_ros.calibration.adjust import View, view_information
+from binopos_ros.calibration.balls import ball_view
 from binopos_ros.calibration.covariance import ParameterCovariance, calibration_covariances
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.guesses import InterfaceGuess
 from binopos_ros.calibration.interface import calibrate_interface
 from binopos_ros.calibration.projection import Pose
 from binopos_ros.calibration.state import Camera, RigState
+from binopos_ros.calibration.targets import Blob
 from binopos_ros.calibration.verdicts import DETERMINED, PRIOR, WEAK, advice, verdicts
 from binopos_ros.optics import FlatInterface
 from binopos_ros.triangulation import triangulate
@@ -52,7 +54,7 @@ def outcomes(rig_maker: Any, board_viewer: Any, guesser: Any) -> Outcomes:
     """51 rigs, 17 of each kind, calibrated from ten views mixed in tilt and place, 0.1 px."""
     found = Outcomes()
     for i in range(RIGS):
-        rng = np.random.default_rng(1000 + i)
+        rng = np.random.default_rng(5000 + i)
         rig, depths = rig_maker(KINDS[i % 3], rng)
         views = board_viewer(rig, depths, rng, tilts=TILTS, aside=EVERYWHERE)
         truth = RigState.of(rig)
@@ -133,6 +135,45 @@ def test_flat_boards_leave_the_index_open_and_say_so(
     assert 'tilt the board by 30-45 degrees' in index.text
     assert 'tilt the board' in advice(result)
     assert abs(result.state.target_index - rig.target_index) < 3.0 * index.deviation
+
+
+def test_a_ball_hardly_shows_the_index_and_the_verdict_says_so(rig_maker: Any) -> None:
+    rng = np.random.default_rng(4)
+    rig, depths = rig_maker('surface', rng)
+    air = replace(RigState.of(rig), interfaces={})
+    centre = -rig.rotation.T @ rig.translation / 2.0
+    free = np.array([name.startswith(('target', 'interface')) for name in RigState.of(rig).names])
+    information = np.diag([0.1**-2, 0.5**-2, 0.5**-2, 0.0])
+    views = []
+    for i in range(20):
+        depth = rng.uniform(*depths)
+        place = np.array([*(centre[:2] + rng.uniform(-0.3, 0.3, 2) * depth), depth])
+        edges = rig.project(place + np.array([[-0.02, 0.0, 0.0], [0.02, 0.0, 0.0]]))
+        blobs = tuple(
+            Blob(
+                pair.mean(axis=0) + rng.normal(scale=0.1, size=2),
+                0.01 * np.eye(2),
+                float(np.linalg.norm(pair[1] - pair[0]) + 0.14 * rng.normal()),
+            )
+            for pair in edges
+        )
+        views.append(ball_view(f'{i}', air, blobs, 0.04))
+        pose = Pose(np.eye(3), place)
+        information += view_information(RigState.of(rig), pose, views[-1], free, 0.1 / 0.5**0.5)
+    guess = InterfaceGuess('interface', (1.0, 1.333))
+    result = calibrate_interface(air, views, [guess], sigma=0.1 / 0.5**0.5)
+    by_name = {verdict.name: verdict for verdict in verdicts(result)}
+    index = by_name['target_index']
+    bound = float(np.sqrt(np.linalg.inv(information)[0, 0]))
+    assert bound > 0.01  # a board in ten mixed tilts gives 0.0015
+    assert abs(index.value - rig.target_index) < 3.0 * index.deviation
+    assert index.grade in (WEAK, PRIOR)
+    assert 'hardly shows it' in index.text
+    assert '--prior target_index' in index.text
+    ruler = replace(guess, deviations={'target_index': 0.0005})
+    known = verdicts(calibrate_interface(air, views, [ruler], sigma=0.1 / 0.5**0.5))[0]
+    assert known.grade == DETERMINED
+    assert 'by what you measured' in known.text
 
 
 def test_mixed_boards_are_determined(rig_maker: Any, board_viewer: Any, guesser: Any) -> None:

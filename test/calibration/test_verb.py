@@ -64,15 +64,34 @@ def position_rms(text: str) -> float:
     return float(found[1])
 
 
+def stated_rms(positions: Path) -> float:
+    """What a bag's positions say of their own errors (mm)."""
+    with BagReader(positions) as reader:
+        found = [
+            messages.covariance_of(reader.decode(record))[:3, :3]
+            for record in reader.messages(topics=['/stereo/target/position'])
+        ]
+    return 1000.0 * float(np.sqrt(np.mean([np.trace(one) for one in found])))
+
+
 def test_from_pictures_to_positions(
     world: Path, calibrated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Wrong by what the true calibration gives and by what the own one says of itself."""
     replace_camera_info(world / 'bowl', calibrated, world / 'bowl2')
     assert main(words('process {at}/bowl -o {at}/true.mcap', at=world)) == 0
     with_truth = position_rms(capsys.readouterr().out)
-    line = 'process {at}/bowl2 -o {at}/own.mcap --config {cal}/interface.yaml'
+    line = (
+        'process {at}/bowl2 -o {at}/own.mcap --config {at}/bowl/binopos.yaml --ros-args '
+        '--params-file {cal}/interface.yaml '
+        '-p triangulator:calibration_covariance:={cal}/covariance.yaml'
+    )
     assert main(words(line, at=world, cal=calibrated)) == 0
-    assert position_rms(capsys.readouterr().out) < 1.5 * with_truth
+    error = position_rms(capsys.readouterr().out)
+    stated, exact = stated_rms(world / 'own.mcap'), stated_rms(world / 'true.mcap')
+    assert stated > exact
+    assert error < 1.5 * np.hypot(with_truth, stated)
+    assert error < 3.0
 
 
 def test_rendered_rig_is_recovered(world: Path, calibrated: Path) -> None:
