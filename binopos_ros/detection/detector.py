@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +16,11 @@ from .images import ColourFrame, Frame, JpegImage, Picture, RawImage, decode
 from .options import DetectorOptions
 from .paper import detect_by_extremes
 from .target import Candidate, Detection, Target
+
+#: Followed images after which the whole image is searched, and how many such searches in a row
+#: must prefer another patch until that is taken. A decoy that was taken while the target was
+#: hidden must not be followed for ever.
+RECHECK, OUTVOTED = 15, 3
 
 
 class Detector:
@@ -32,12 +38,13 @@ class Detector:
         except TypeError as error:
             msg = f'unknown option of the detector: {error}'
             raise DetectionError(msg) from error
-        self._last: Target | None = None
-        self._motion = 0.0, 0.0
+        self.reset()
 
     def reset(self) -> None:
         """Forget where the target was."""
-        self._last, self._motion = None, (0.0, 0.0)
+        self._last: Target | None = None
+        self._motion = 0.0, 0.0
+        self._followed_for = self._votes = 0
 
     def detect(self, image: JpegImage | RawImage) -> Detection:
         """Find the target in an image; never raises for what the image holds."""
@@ -66,12 +73,26 @@ class Detector:
             return detect_by_extremes(frame, options.paper_red, options.paper_green)
         if self._last is not None and options.track:
             detection = self._followed(frame, self._last)
-            if detection.target is not None:
+            if detection.target is not None and not self._is_outvoted(frame, detection.target):
                 if not survey:
                     return detection
                 rest = others(frame, detection.candidates[0], options)
                 return replace(detection, candidates=(*detection.candidates, *rest))
+            self._followed_for = self._votes = 0
         return _measured(frame, *find(frame, options))
+
+    def _is_outvoted(self, frame: Frame, target: Target) -> bool:
+        """Whether the whole image has shown a better patch than the followed one for long."""
+        self._followed_for += 1
+        if self._followed_for % RECHECK:
+            return False
+        candidates, _ = find(frame, self.options)
+        best = next((each for each in candidates if not each.reason), None)
+        elsewhere = best is not None and (
+            math.dist(best.outline.centre.tolist(), target.centre.tolist()) > target.diameter
+        )
+        self._votes = self._votes + 1 if elsewhere else 0
+        return self._votes >= OUTVOTED
 
     def _followed(self, frame: Frame, last: Target) -> Detection:
         """Look for the target where it should be by now."""

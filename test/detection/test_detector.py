@@ -166,6 +166,20 @@ def test_a_target_that_leaves_and_comes_back_elsewhere_is_found_again():
     assert np.allclose(jump.target.centre, (80, 400), atol=0.2)
 
 
+def test_a_decoy_taken_while_the_target_was_hidden_is_not_followed_for_ever():
+    decoy = ((90, 400), (8, 8), 0, RED)
+    detector = Detector()
+    found = []
+    for k in range(70):
+        target = ((200 + 2 * k, 200), (16, 16), 0, RED)
+        hidden = 5 <= k < 9
+        picture = tank(*([decoy] if hidden else [decoy, target]), seed=k)
+        found.append(detector.detect(raw(picture)).target.centre[0] > 150)
+    assert all(found[:5])
+    assert not any(found[5:9])
+    assert all(found[-10:])
+
+
 def test_the_threshold_follows_the_noise_and_is_reported():
     calm, rough = (
         Detector(noise_factor=6.0).detect(raw(tank(noise=noise, size=(240, 320))))
