@@ -42,6 +42,7 @@ ENOUGH_TO_ASK = 3
 EXPLAINED = 0.6  # of the RMS may be left by an explanation, and no more than 2 SUSPECT
 SCALES = (0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
 HOPELESS = 3.0  # px
+ROUGHLY = 1e-3  # relative decrease of the cost at which an explanation has shown its worth
 GOOD_START = 0.5  # px; a descent into a wrong valley ends far above it
 
 
@@ -150,7 +151,7 @@ def _refuse_misfit(
 
     def error(changed: Sequence[View]) -> float:
         try:
-            best = _best_start(air, changed, guesses, air_covariance, False)[0]
+            best = _best_start(air, changed, guesses, air_covariance, False, ROUGHLY)[0]
         except CalibrationError:
             return np.inf
         return best.rms()
@@ -193,10 +194,17 @@ def _turn_boards(
     """Try the other pose in which a board looks nearly the same, where a view fits badly."""
     rms = np.array([fit.rms(view=i) for i in range(len(views))])
     poses = list(fit.poses)
+    none = np.zeros(len(fit.free), bool)
     for i in np.flatnonzero(rms > SUSPICIOUS * np.median(rms)):
         other = other_pose(fit.state.cameras[LEFT], views[i].points, views[i].pixels[LEFT])
-        if views[i].turns and other is not None:
-            poses[i] = sunk(other, views[i], fit.state)
+        if not views[i].turns or other is None:
+            continue
+        start = [sunk(other, views[i], fit.state)]
+        alone = adjust(
+            fit.state, start, [views[i]], none, robust=False, sigma=1.0, converged=NEARLY
+        )
+        if alone.rms() < rms[i]:
+            poses[i] = alone.poses[0]
     if all(new is old for new, old in zip(poses, fit.poses, strict=True)):
         return fit
     turned = adjust(fit.state, poses, views, fit.free, prior, sigma=sigma)
@@ -218,6 +226,7 @@ def _best_start(
     guesses: Sequence[InterfaceGuess],
     air_covariance: ParameterCovariance | None,
     free_cameras: bool,
+    converged: float = NEARLY,
 ) -> tuple[Adjustment, Prior]:
     """Of several first distances, the one from which the pictures are explained best."""
     straight = straight_poses(air, views)
@@ -237,7 +246,7 @@ def _best_start(
         free, prior = unknowns(start, guesses, air_covariance, free_cameras)
         try:
             fit = adjust(
-                start, poses, views, free, prior, robust=False, sigma=1.0, converged=NEARLY
+                start, poses, views, free, prior, robust=False, sigma=1.0, converged=converged
             )
         except ValueError as error:
             trouble = str(error)
