@@ -21,7 +21,7 @@ TUNED: dict[str, dict[str, float]] = {
         'start_speed': 0.003,
         'steady_density': 1.114e-07,
         'steady_dwell': 8.496,
-        'steady_scale': 0.131,
+        'steady_scale': 0.132,
         'still_density': 5.215e-10,
         'turn_acceleration': 0.2243,
         'turn_dwell': 0.538,

@@ -7,6 +7,7 @@ import pytest
 
 from binopos_ros.smoothing import FILTERS
 from binopos_ros.smoothing.trials.bound import best_possible
+from binopos_ros.smoothing.trials.paths import KINDS
 from binopos_ros.smoothing.trials.protocols import (
     average_nees,
     control_experiment,
@@ -71,6 +72,13 @@ def test_covariance_is_consistent(mixed):
     tracks, trials = mixed
     low, high = nees_band(len(trials))
     assert low <= average_nees(tracks['cloud-kalman']) <= high
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_covariance_is_within_a_factor_of_two_for_each_kind_of_path(mixed, kind):
+    tracks, trials = mixed
+    chosen = zip(tracks['cloud-kalman'], trials, strict=True)
+    assert 0.5 < average_nees(track for track, trial in chosen if trial.kind == kind) < 2.0
 
 
 def test_smoother_that_knows_waves_and_motion_beats_every_filter(mixed):
