@@ -18,7 +18,7 @@ from .colour import Map
 Window = tuple[int, int, int, int]
 
 MAX_SEEDS = 16
-MOST_CUTS = 5
+FIRST_CUT, MOST_CUTS = 0.35, 8
 NOISE_STEP = 3
 NEIGHBOURS = np.ones((3, 3), np.uint8)
 
@@ -120,11 +120,13 @@ def reaches_over(near: Window, part: Window, whole: Window) -> bool:
 def settled_about(part: Map, column: int, row: int, inside: float, outside: float) -> Patch | None:
     """Cut, take the means on both sides, and cut again until the patch stays as it is.
 
-    Where it ends depends on the pixels near the patch alone.
+    Where it ends depends on the pixels near the patch alone: the first cut is low, so the patch
+    shrinks to the largest that agrees with its own means, whatever the levels at the start.
     """
     area, patch = 0, None
+    level = outside + FIRST_CUT * (inside - outside)
     for _ in range(MOST_CUTS):
-        above = (part > (inside + outside) / 2).view(np.uint8)
+        above = (part > level).view(np.uint8)
         if not above[row, column]:
             return None
         size, *_, (x, y, w, h) = cv2.floodFill(above, None, (column, row), 2)
@@ -143,6 +145,7 @@ def settled_about(part: Map, column: int, row: int, inside: float, outside: floa
         core = cv2.erode(mask, NEIGHBOURS, borderValue=0)
         inside = cv2.mean(seen, core if cv2.countNonZero(core) else mask)[0]
         outside = median(around)
+        level = (inside + outside) / 2
         inner = mask[y - top : y - top + h, x - left : x - left + w]
         patch = Patch((x, y, x + w, y + h), inner, inside, outside)
     return patch
