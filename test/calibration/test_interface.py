@@ -30,6 +30,8 @@ TILTS = (15.0, 55.0)
 EVERYWHERE = (0.6, 0.5)  # parts of the depth: as far aside as both pictures reach
 PIXEL = 5.86e-6  # m, of openptv-multiplane
 
+of_all_rigs = pytest.mark.xdist_group('calibration of all rigs')
+
 
 class Outcomes:
     """Errors and stated deviations over all rigs, by kind of parameter."""
@@ -95,6 +97,7 @@ def position_ratio(
     return float(error.mean() / np.trace(bound, axis1=1, axis2=2).mean())
 
 
+@of_all_rigs
 @pytest.mark.parametrize(
     ('name', 'wanted'), [('index', 0.0025), ('normal', np.radians(0.1)), ('distance', 0.004)]
 )
@@ -102,6 +105,7 @@ def test_errors_over_all_rigs(outcomes: Outcomes, name: str, wanted: float) -> N
     assert outcomes.rms(name) < wanted
 
 
+@of_all_rigs
 @pytest.mark.parametrize('name', ['index', 'normal', 'distance'])
 def test_stated_deviations_are_those_of_the_errors(outcomes: Outcomes, name: str) -> None:
     ratio = np.array(outcomes.errors[name]) / outcomes.deviations[name]
@@ -109,14 +113,17 @@ def test_stated_deviations_are_those_of_the_errors(outcomes: Outcomes, name: str
     assert 0.90 < np.mean(np.abs(ratio) < 1.96) < 0.99
 
 
+@of_all_rigs
 def test_truth_lies_in_the_stated_region_in_95_of_100_runs(outcomes: Outcomes) -> None:
     assert 0.93 <= np.mean(outcomes.joint) <= 0.97
 
 
+@of_all_rigs
 def test_independent_points_are_taken_for_such(outcomes: Outcomes) -> None:
     assert np.mean(np.array(outcomes.factors) > 1.0) < 0.05
 
 
+@of_all_rigs
 def test_independent_positions_reach_the_bound(outcomes: Outcomes) -> None:
     assert np.sqrt(np.mean(outcomes.ratios)) < 1.1
 

@@ -131,7 +131,7 @@ def position(stage: Triangulator, pixels: tuple[np.ndarray, np.ndarray], sigma: 
     return found[0]
 
 
-@pytest.mark.parametrize(('follows_the_index', 'draws'), [(False, 200), (True, 50)])
+@pytest.mark.parametrize(('follows_the_index', 'draws'), [(False, 120), (True, 40)])
 def test_positions_scatter_as_the_stage_says(
     rig_maker: Any, tmp_path: Path, follows_the_index: bool, draws: int
 ) -> None:

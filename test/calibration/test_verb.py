@@ -14,6 +14,8 @@ from binopos_ros.bag import BagReader, BagWriter, messages
 from binopos_ros.cli import main
 from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
 
+pytestmark = pytest.mark.xdist_group('calibration world')
+
 
 def words(text: str, **paths: object) -> list[str]:
     return text.format(**paths).split()
