@@ -11,11 +11,9 @@ straight RMS 3-D error of straight rays, as if there were no surface, mm
 from __future__ import annotations
 
 import argparse
-import importlib.util
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
+from of_the_tests import module_of_the_tests
 
 from binopos_ros.triangulation import triangulate
 
@@ -23,23 +21,12 @@ LEFT = np.array([[0.010, 0.004], [0.004, 0.020]])  # px^2
 RIGHT = np.array([[0.015, -0.006], [-0.006, 0.008]])
 
 
-def of_the_tests() -> ModuleType:
-    """Return the ten rigs of the tests, and their bound."""
-    path = Path(__file__).parents[1] / 'test' / 'triangulation' / 'conftest.py'
-    spec = importlib.util.spec_from_file_location('rigs', path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def main() -> None:
     """Print one line per rig."""
     parser = argparse.ArgumentParser(description='Triangulation against the Cramer-Rao bound.')
     parser.add_argument('--points', type=int, default=10_000)
     count = parser.parse_args().points
-    shared = of_the_tests()
+    shared = module_of_the_tests('triangulation/conftest.py')
     rng = np.random.default_rng(0)
     points = rng.uniform([-0.25, -0.25, 1.0], [0.4, 0.25, 1.6], (count, 3))
     print('| rig | bound, mm | RMS | NSE | straight, mm |')

@@ -9,31 +9,18 @@ is right, more is told too well.
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
-from types import ModuleType
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import numpy as np
+from of_the_tests import module_of_the_tests
 
 from binopos_ros.detection import Detector, JpegImage, RawImage
 
 RANGES = ((8, 12), (12, 20), (20, 40), (40, 121))
 Row = tuple[float, float, float, float, float]
-
-
-def of_the_tests() -> ModuleType:
-    """The tests' renderer."""
-    path = Path(__file__).parents[1] / 'test' / 'detection' / 'rendered.py'
-    spec = importlib.util.spec_from_file_location('rendered', path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules['rendered'] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def mosaic(picture: np.ndarray) -> np.ndarray:
@@ -46,7 +33,7 @@ def mosaic(picture: np.ndarray) -> np.ndarray:
 
 def main() -> int:
     scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 600
-    rendered = of_the_tests()
+    rendered = module_of_the_tests('detection/rendered.py')
     rng = np.random.default_rng(5)
     rows: dict[str, list[Row]] = {}
     for k in range(scenes):

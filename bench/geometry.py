@@ -13,11 +13,8 @@ derivatives  analytic against central differences, relative to the largest, for 
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
+from of_the_tests import module_of_the_tests
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic
@@ -25,17 +22,6 @@ from binopos_ros.optics.stack import ParallelStack
 
 CAMERA = PinholeCamera([[800.0, 0, 640], [0, 800, 480], [0, 0, 1]], (), (1280, 960))
 STEP = 1e-6
-
-
-def of_the_tests() -> ModuleType:
-    """Return the stacks and rigs of the tests."""
-    path = Path(__file__).parents[1] / 'test' / 'optics' / 'conftest.py'
-    spec = importlib.util.spec_from_file_location('stacks', path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def round_trip(indices: tuple[float, ...], thicknesses: tuple[float, ...]) -> float:
@@ -96,7 +82,7 @@ def derivatives(rig: StereoRig, points: np.ndarray) -> float:
 
 def main() -> None:
     """Print one line per stack."""
-    shared = of_the_tests()
+    shared = module_of_the_tests('optics/conftest.py')
     points = np.random.default_rng(3).uniform([-0.5, -0.4, 1.15], [0.6, 0.4, 2.5], (105, 3))
     print('| layers | round trip, px | steps, most | steps, mean | derivatives |')
     print('|---|---|---|---|---|')

@@ -14,14 +14,13 @@ triangulation, and a general least-squares fit of point and index (scipy).
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import ModuleType
 
 import cv2
 import numpy as np
+from of_the_tests import module_of_the_tests
 from scipy import optimize
 
 from binopos_ros.calibration.uncertain import UncertainRig
@@ -31,16 +30,6 @@ from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.index import IndexEstimator
 
 PRIOR_STD = 0.015
-
-
-def settings_of_the_test() -> ModuleType:
-    path = Path(__file__).parents[1] / 'test' / 'triangulation' / 'index_settings.py'
-    spec = importlib.util.spec_from_file_location('index_settings', path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def honesty(test: ModuleType, runs: int) -> None:
@@ -168,7 +157,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--runs', type=int, default=400, help='per setting; 0: speed alone')
     runs = parser.parse_args().runs
-    test = settings_of_the_test()
+    test = module_of_the_tests('triangulation/index_settings.py')
     if runs:
         honesty(test, runs)
     speed(test)

@@ -8,27 +8,14 @@ The scenes of test/triangulation/test_skew.py (the same code): the paper's rig o
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
+from of_the_tests import module_of_the_tests
 
 SKEWS = (-0.45, -0.2, 0.2, 0.45)
 
 
-def scenes_of_the_test() -> ModuleType:
-    path = Path(__file__).parents[1] / 'test' / 'triangulation' / 'test_skew.py'
-    spec = importlib.util.spec_from_file_location('test_skew', path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def main() -> None:
-    test = scenes_of_the_test()
+    test = module_of_the_tests('triangulation/test_skew.py')
 
     def rms_and_square(name: str, skew: float, triggered: bool) -> tuple[float, float]:
         target = test.PATHS[name]
