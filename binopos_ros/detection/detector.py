@@ -71,28 +71,33 @@ class Detector:
         options = self.options
         if options.method == 'paper':
             return detect_by_extremes(frame, options.paper_red, options.paper_green)
-        if self._last is not None and options.track:
-            detection = self._followed(frame, self._last)
-            if detection.target is not None and not self._is_outvoted(frame, detection.target):
-                if not survey:
-                    return detection
-                rest = others(frame, detection.candidates[0], options)
-                return replace(detection, candidates=(*detection.candidates, *rest))
+        if self._last is None or not options.track:
+            return _measured(frame, *find(frame, options))
+        detection = self._followed(frame, self._last)
+        if detection.target is None:
+            found: tuple[list[Candidate], float] | None = find(frame, options)
+        else:
+            found = self._outvoting(frame, detection.target)
+        if found is not None:
             self._followed_for = self._votes = 0
-        return _measured(frame, *find(frame, options))
+            return _measured(frame, *found)
+        if not survey:
+            return detection
+        rest = others(frame, detection.candidates[0], options)
+        return replace(detection, candidates=(*detection.candidates, *rest))
 
-    def _is_outvoted(self, frame: Frame, target: Target) -> bool:
-        """Whether the whole image has shown a better patch than the followed one for long."""
+    def _outvoting(self, frame: Frame, target: Target) -> tuple[list[Candidate], float] | None:
+        """What `find` gives, where it has preferred another patch to the followed one for long."""
         self._followed_for += 1
         if self._followed_for % RECHECK:
-            return False
-        candidates, _ = find(frame, self.options)
+            return None
+        candidates, threshold = find(frame, self.options)
         best = next((each for each in candidates if not each.reason), None)
         elsewhere = best is not None and (
             math.dist(best.outline.centre.tolist(), target.centre.tolist()) > target.diameter
         )
         self._votes = self._votes + 1 if elsewhere else 0
-        return self._votes >= OUTVOTED
+        return (candidates, threshold) if self._votes >= OUTVOTED else None
 
     def _followed(self, frame: Frame, last: Target) -> Detection:
         """Look for the target where it should be by now."""
