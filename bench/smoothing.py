@@ -11,8 +11,8 @@ from collections.abc import Callable
 import filterpy.kalman
 import numpy as np
 
+from binopos_ros.evaluation.trials.sequences import unseen_set
 from binopos_ros.smoothing import FILTERS, make_filter
-from binopos_ros.smoothing.trials.sequences import unseen_set
 
 ROUNDS = 5
 PEER = 'filterpy predict + update'

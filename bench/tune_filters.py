@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
+from binopos_ros.evaluation.trials.calibration import SCALES, Calibration
+from binopos_ros.evaluation.trials.sequences import Sequence, training_set
+from binopos_ros.evaluation.trials.training import examples, train
+from binopos_ros.evaluation.trials.tuning import SEARCHED, minimise, objective, options_at
 from binopos_ros.smoothing import tuned
 from binopos_ros.smoothing.opponents import bp_weights
-from binopos_ros.smoothing.trials.calibration import SCALES, Calibration
-from binopos_ros.smoothing.trials.sequences import Sequence, training_set
-from binopos_ros.smoothing.trials.training import examples, train
-from binopos_ros.smoothing.trials.tuning import SEARCHED, minimise, objective, options_at
 
 OURS = 'cloud-kalman'
 WEIGHTS_HEADER = '''"""The BP-Kalman filter's network, from ``python bench/tune_filters.py``."""

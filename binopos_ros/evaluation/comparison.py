@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.evaluation.trials.protocols import CONTROLS
+from binopos_ros.evaluation.trials.score import SETTLING, run, run_together
+from binopos_ros.evaluation.trials.sequences import Sequence
 from binopos_ros.smoothing import FILTERS, make_filter
-from binopos_ros.smoothing.trials.protocols import CONTROLS
-from binopos_ros.smoothing.trials.score import SETTLING, run, run_together
-from binopos_ros.smoothing.trials.sequences import Sequence
 
 Array = NDArray[np.float64]
 Ticker = Callable[[], None]

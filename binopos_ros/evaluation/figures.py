@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.evaluation.comparison import PAPER_FILTERS, error_ranges
 from binopos_ros.evaluation.run import Results
-from binopos_ros.smoothing.trials.protocols import CONTROLS
+from binopos_ros.evaluation.trials.protocols import CONTROLS
 
 Array = NDArray[np.float64]
 MILLI = 1e3

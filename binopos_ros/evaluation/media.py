@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.evaluation.settings import Settings
+from binopos_ros.evaluation.trials.basin import Basin
+from binopos_ros.evaluation.trials.paths import Path
+from binopos_ros.evaluation.trials.sequences import Sequence
 from binopos_ros.optics import FlatInterface, StereoRig
 from binopos_ros.optics.column import mean_index
 from binopos_ros.simulation import Choices, Scene, WaveSpectrum, washbowl
 from binopos_ros.simulation.backdrop import Basin as Bowl
 from binopos_ros.simulation.presets import FRESH_WATER
-from binopos_ros.smoothing.trials.basin import Basin
-from binopos_ros.smoothing.trials.paths import Path
-from binopos_ros.smoothing.trials.sequences import Sequence
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.index import IndexEstimator
 

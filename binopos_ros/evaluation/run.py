@@ -22,9 +22,9 @@ from binopos_ros.evaluation.comparison import (
 from binopos_ros.evaluation.media import Salted, salted, transforming, wavy
 from binopos_ros.evaluation.settings import Settings
 from binopos_ros.evaluation.store import Arrays, Store
+from binopos_ros.evaluation.trials.protocols import CONTROLS
+from binopos_ros.evaluation.trials.sequences import Sequence, unseen_set
 from binopos_ros.smoothing import make_filter
-from binopos_ros.smoothing.trials.protocols import CONTROLS
-from binopos_ros.smoothing.trials.sequences import Sequence, unseen_set
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.evaluation.comparison import PAPER_FILTERS, error_ranges, mean_errors
 from binopos_ros.evaluation.run import Results
-from binopos_ros.smoothing.trials.protocols import CONTROLS, nees_band
+from binopos_ros.evaluation.trials.protocols import CONTROLS, nees_band
 
 Array = NDArray[np.float64]
 MILLI = 1e3

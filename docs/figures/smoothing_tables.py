@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from binopos_ros.smoothing import FILTERS, Filter, make_filter
-from binopos_ros.smoothing.trials.bound import best_possible
-from binopos_ros.smoothing.trials.paths import KINDS
-from binopos_ros.smoothing.trials.protocols import (
+from binopos_ros.evaluation.trials.bound import best_possible
+from binopos_ros.evaluation.trials.paths import KINDS
+from binopos_ros.evaluation.trials.protocols import (
     average_nees,
     control_experiment,
     mixed_protocol,
@@ -25,14 +24,15 @@ from binopos_ros.smoothing.trials.protocols import (
     rms,
     smaller,
 )
-from binopos_ros.smoothing.trials.score import SETTLING, Track, run
-from binopos_ros.smoothing.trials.sequences import (
+from binopos_ros.evaluation.trials.score import SETTLING, Track, run
+from binopos_ros.evaluation.trials.sequences import (
     TRAINING_SEED,
     Sequence,
     paper_set,
     unseen_set,
 )
-from binopos_ros.smoothing.trials.tuning import SEARCHED, minimise, objective, options_at
+from binopos_ros.evaluation.trials.tuning import SEARCHED, minimise, objective, options_at
+from binopos_ros.smoothing import FILTERS, Filter, make_filter
 from binopos_ros.smoothing.tuned import TUNED
 
 OURS = 'cloud-kalman'

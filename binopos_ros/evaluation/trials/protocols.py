@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.evaluation.trials.score import SETTLING, Track, run_together
+from binopos_ros.evaluation.trials.sequences import Sequence
 from binopos_ros.smoothing.base import Filter
 from binopos_ros.smoothing.factory import make_filter
-from binopos_ros.smoothing.trials.score import SETTLING, Track, run_together
-from binopos_ros.smoothing.trials.sequences import Sequence
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from binopos_ros.smoothing import FILTERS
-from binopos_ros.smoothing.trials.bound import best_possible
-from binopos_ros.smoothing.trials.paths import KINDS
-from binopos_ros.smoothing.trials.protocols import (
+from binopos_ros.evaluation.trials.bound import best_possible
+from binopos_ros.evaluation.trials.paths import KINDS
+from binopos_ros.evaluation.trials.protocols import (
     average_nees,
     control_experiment,
     mixed_protocol,
@@ -17,7 +16,8 @@ from binopos_ros.smoothing.trials.protocols import (
     rms,
     smaller,
 )
-from binopos_ros.smoothing.trials.sequences import paper_set, unseen_set
+from binopos_ros.evaluation.trials.sequences import paper_set, unseen_set
+from binopos_ros.smoothing import FILTERS
 
 OPPONENTS = [name for name in FILTERS if name != 'cloud-kalman']
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.smoothing.trials.sequences import Sequence
+from binopos_ros.evaluation.trials.sequences import Sequence
 
 Array = NDArray[np.float64]
 

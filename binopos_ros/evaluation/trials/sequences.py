@@ -8,9 +8,9 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.evaluation.trials.basin import Basin
+from binopos_ros.evaluation.trials.paths import KINDS, Path, draw_path
 from binopos_ros.simulation.waves import WaveSpectrum
-from binopos_ros.smoothing.trials.basin import Basin
-from binopos_ros.smoothing.trials.paths import KINDS, Path, draw_path
 
 Array = NDArray[np.float64]
 

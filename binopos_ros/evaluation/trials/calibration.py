@@ -12,11 +12,11 @@ from collections.abc import Sequence as Series
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.evaluation.trials.paths import KINDS
+from binopos_ros.evaluation.trials.score import SETTLING, run_together
+from binopos_ros.evaluation.trials.sequences import Sequence
+from binopos_ros.evaluation.trials.tuning import minimise
 from binopos_ros.smoothing.factory import make_filter
-from binopos_ros.smoothing.trials.paths import KINDS
-from binopos_ros.smoothing.trials.score import SETTLING, run_together
-from binopos_ros.smoothing.trials.sequences import Sequence
-from binopos_ros.smoothing.trials.tuning import minimise
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from collections.abc import Sequence as Series
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.evaluation.trials.score import run_together
+from binopos_ros.evaluation.trials.sequences import Sequence
 from binopos_ros.smoothing.factory import make_filter
-from binopos_ros.smoothing.trials.score import run_together
-from binopos_ros.smoothing.trials.sequences import Sequence
 
 Array = NDArray[np.float64]
 

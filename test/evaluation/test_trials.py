@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from binopos_ros.simulation.waves import WaveField
-from binopos_ros.smoothing import make_filter
-from binopos_ros.smoothing.trials.basin import Basin
-from binopos_ros.smoothing.trials.paths import KINDS, draw_path
-from binopos_ros.smoothing.trials.score import run, run_together
-from binopos_ros.smoothing.trials.sequences import (
+from binopos_ros.evaluation.trials.basin import Basin
+from binopos_ros.evaluation.trials.paths import KINDS, draw_path
+from binopos_ros.evaluation.trials.score import run, run_together
+from binopos_ros.evaluation.trials.sequences import (
     TEST_SEED,
     TRAINING_SEED,
     mixed_sequence,
     paper_sequence,
 )
-from binopos_ros.smoothing.trials.tuning import minimise
+from binopos_ros.evaluation.trials.tuning import minimise
+from binopos_ros.simulation.waves import WaveField
+from binopos_ros.smoothing import make_filter
 
 BASIN = Basin()
 TARGETS = np.random.default_rng(1).uniform([-0.3, -0.2, 1.0], [0.4, 0.2, 1.3], (50, 3))

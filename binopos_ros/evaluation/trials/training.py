@@ -7,14 +7,14 @@ from collections.abc import Sequence as Series
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.evaluation.trials.score import SETTLING
+from binopos_ros.evaluation.trials.sequences import Sequence
 from binopos_ros.smoothing.opponents.bp_kalman import (
     INNOVATIONS,
     BackPropagationKalmanFilter,
     Network,
     features,
 )
-from binopos_ros.smoothing.trials.score import SETTLING
-from binopos_ros.smoothing.trials.sequences import Sequence
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.evaluation.trials.sequences import Sequence
 from binopos_ros.smoothing.base import Filter
-from binopos_ros.smoothing.trials.sequences import Sequence
 
 Array = NDArray[np.float64]
 
