@@ -1,4 +1,8 @@
-"""The detector: one per camera, with a memory of where the target was."""
+"""The detector: one per camera, with a memory of where the target was.
+
+A frame's way: red patches are found, or followed (`search`), described (`describe`), judged
+(`judge`), and the best is measured (`measure`).
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from .candidates import find, follow, others
-from .centre import measure
+from .describe import describe
 from .errors import DetectionError
 from .images import ColourFrame, Frame, JpegImage, Picture, RawImage, decode
+from .judge import Judged, is_same, judge
+from .measure import measure
 from .options import DetectorOptions
 from .paper import detect_by_extremes
+from .search import Sightings, find, follow
 from .target import Candidate, Detection, Target
 
 #: Followed images after which the whole image is searched, and how many such searches in a row
@@ -72,40 +78,48 @@ class Detector:
         if options.method == 'paper':
             return detect_by_extremes(frame, options.paper_red, options.paper_green)
         if self._last is None or not options.track:
-            return _measured(frame, *find(frame, options))
-        detection = self._followed(frame, self._last)
+            return self._found(frame)
+        sightings = self._followed(frame, self._last)
+        judged = self._judged(frame, sightings)
+        detection = measure(frame, judged, sightings.threshold)
         if detection.target is None:
-            found: tuple[list[Candidate], float] | None = find(frame, options)
-        else:
-            found = self._outvoting(frame, detection.target)
-        if found is not None:
-            self._followed_for = self._votes = 0
-            return _measured(frame, *found)
-        if not survey:
-            return detection
-        rest = others(frame, detection.candidates[0], options)
-        return replace(detection, candidates=(*detection.candidates, *rest))
-
-    def _outvoting(self, frame: Frame, target: Target) -> tuple[list[Candidate], float] | None:
-        """What `find` gives, where it has preferred another patch to the followed one for long."""
+            return self._found(frame)
         self._followed_for += 1
-        if self._followed_for % RECHECK:
-            return None
-        candidates, threshold = find(frame, self.options)
-        best = next((each for each in candidates if not each.reason), None)
-        elsewhere = best is not None and (
-            math.dist(best.outline.centre.tolist(), target.centre.tolist()) > target.diameter
-        )
-        self._votes = self._votes + 1 if elsewhere else 0
-        return (candidates, threshold) if self._votes >= OUTVOTED else None
+        if self._followed_for % RECHECK == 0:
+            sightings = find(frame, options)
+            anywhere = self._judged(frame, sightings)
+            self._votes = self._votes + 1 if _prefers_another(anywhere, detection.target) else 0
+            if self._votes >= OUTVOTED:
+                self._followed_for = self._votes = 0
+                return measure(frame, anywhere, sightings.threshold)
+        rest = self._elsewhere(frame, judged[0]) if survey else ()
+        return replace(detection, candidates=(*detection.candidates, *rest), tracked=True)
 
-    def _followed(self, frame: Frame, last: Target) -> Detection:
-        """Look for the target where it should be by now."""
+    def _found(self, frame: Frame) -> Detection:
+        """Look for the target in the whole frame."""
+        self._followed_for = self._votes = 0
+        sightings = find(frame, self.options)
+        return measure(frame, self._judged(frame, sightings), sightings.threshold)
+
+    def _followed(self, frame: Frame, last: Target) -> Sightings:
+        """What is seen where the target should be by now."""
         (u, v), (du, dv) = last.centre.tolist(), self._motion
         slack = last.diameter / 4 + max(abs(du), abs(dv)) / 2
-        candidate, threshold = follow(frame, (u + du, v + dv), last.diameter, slack, self.options)
-        candidates = [] if candidate is None else [candidate]
-        return replace(_measured(frame, candidates, threshold), tracked=True)
+        return follow(frame, (u + du, v + dv), last.diameter, slack, self.options)
+
+    def _judged(self, frame: Frame, sightings: Sightings) -> list[Judged]:
+        described = (describe(frame, each) for each in sightings.each)
+        return judge(described, sightings.threshold, self.options)
+
+    def _elsewhere(self, frame: Frame, chosen: Judged) -> list[Candidate]:
+        """The candidates that were passed over because the target was followed."""
+        reason = 'the target was followed elsewhere'
+        candidates = [
+            each.candidate()
+            for each in self._judged(frame, find(frame, self.options))
+            if not is_same(each.description, chosen.description)
+        ]
+        return [each if each.reason else replace(each, reason=reason) for each in candidates]
 
     def _remember(self, target: Target | None) -> None:
         if target is None:
@@ -130,28 +144,9 @@ def detect(image_bgr: Picture, **options: Any) -> Target | None:
     return Detector(**options).detect_in(ColourFrame(pixels)).target
 
 
-def _measured(frame: Frame, candidates: list[Candidate], threshold: float) -> Detection:
-    checked: list[Candidate] = []
-    for k, each in enumerate(candidates):
-        if each.reason:
-            checked.append(each)
-            continue
-        try:
-            found = measure(frame, each.outline)
-        except DetectionError as error:
-            checked.append(replace(each, reason=str(error)))
-            continue
-        target = Target(
-            found.outline.centre, found.covariance, 2 * found.outline.semi_axes[0], found.outline
-        )
-        rest = (_outranked(other) for other in candidates[k + 1 :])
-        return Detection(target, '', (*checked, each, *rest), threshold)
-    if not checked:
-        reason = f'no red patch of contrast {threshold:.2f} or more'
-    else:
-        reason = f'no patch is a target; the best: {checked[0].reason}'
-    return Detection(None, reason, tuple(checked), threshold)
-
-
-def _outranked(candidate: Candidate) -> Candidate:
-    return candidate if candidate.reason else replace(candidate, reason='another ranks higher')
+def _prefers_another(judged: list[Judged], target: Target) -> bool:
+    """Whether the best patch lies elsewhere than the target."""
+    best = next((each.description for each in judged if not each.reason), None)
+    return best is not None and (
+        math.dist(best.outline.centre.tolist(), target.centre.tolist()) > target.diameter
+    )

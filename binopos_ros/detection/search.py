@@ -1,0 +1,150 @@
+"""Find or follow: red patches, seen in a reduced picture.
+
+A patch is found in a picture that is small enough to be quick, and outlined at a scale where it is
+large enough to show its shape.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from . import moments
+from .colour import Map, redness
+from .images import Frame, Picture
+from .options import DetectorOptions
+from .patches import (
+    Patch,
+    frame_of,
+    median,
+    noise_of,
+    outlined,
+    reaches_over,
+    seeds,
+    settled_about,
+)
+
+SEARCH_WIDTH = 320
+SHAPE_SIZE = 8
+LEAST_SIDE = 3
+
+
+class Sighting(NamedTuple):
+    """A patch, and the reduced pixels that it was outlined in.
+
+    factor is by how much they are reduced, origin their corner in the image, px.
+    """
+
+    patch: Patch
+    pixels: Picture
+    factor: int
+    origin: tuple[int, int]
+
+
+class Sightings(NamedTuple):
+    """What stands out in a frame, and the contrast that is asked of a target there."""
+
+    each: list[Sighting]
+    threshold: float
+
+
+def find(frame: Frame, options: DetectorOptions) -> Sightings:
+    """Find the red patches in a frame, the strongest first; one may come more than once."""
+    factor = _search_factor(frame)
+    pixels = frame.reduced(factor, 0, 0, frame.width, frame.height)
+    shades = redness(pixels)
+    threshold = _threshold(shades, options)
+    if min(shades.shape) < LEAST_SIDE:
+        return Sightings([], threshold)
+    found = []
+    for column, row, size in seeds(shades, threshold):
+        patch = outlined(shades, column, row, size)
+        if patch is not None:
+            found.append(_at_its_scale(frame, Sighting(patch, pixels, factor, (0, 0))))
+    return Sightings([each for each in found if each is not None], threshold)
+
+
+def follow(
+    frame: Frame,
+    place: tuple[float, float],
+    diameter: float,
+    slack: float,
+    options: DetectorOptions,
+) -> Sightings:
+    """Find the patch at a place, px, or within `slack` px of it.
+
+    Where the patch is the one that `find` would find, its outline is the same to the last digit:
+    the blocks are the same, and a patch that the window does not show with all that it is judged
+    by is none.
+    """
+    factor = _search_factor(frame)
+    # As much as is looked at about a patch of that diameter.
+    margin = max(diameter / 8 + 3 * factor, moments.margin(factor) * factor)
+    reach = diameter / 2 + margin + factor + max(slack, 2 * factor)
+    u, v = place
+    x0, y0 = (max(int((each - reach) // factor), 0) for each in place)
+    x1 = min(int((u + reach) // factor) + 1, frame.width // factor)
+    y1 = min(int((v + reach) // factor) + 1, frame.height // factor)
+    if min(x1 - x0, y1 - y0) < LEAST_SIDE:
+        return Sightings([], options.min_contrast)
+    pixels = frame.reduced(factor, x0 * factor, y0 * factor, x1 * factor, y1 * factor)
+    shades = redness(pixels)
+    threshold = _threshold(shades, options)
+    outside = median(frame_of(shades))
+    column, row = int(u / factor) - x0, int(v / factor) - y0
+    shown = 0 <= column < x1 - x0 and 0 <= row < y1 - y0
+    inside = float(shades[row, column]) if shown else outside
+    if inside - outside < threshold:
+        size = int(diameter / factor / 2) | 1
+        _, inside, _, (column, row) = cv2.minMaxLoc(cv2.blur(shades, (size, size)))
+    patch = settled_about(shades, column, row, inside, outside)
+    whole = (-x0, -y0, frame.width // factor - x0, frame.height // factor - y0)
+    near_least = moments.margin(factor)
+    if patch is None or reaches_over(patch.near(near_least), (0, 0, x1 - x0, y1 - y0), whole):
+        return Sightings([], threshold)
+    seen = _at_its_scale(frame, Sighting(patch, pixels, factor, (x0 * factor, y0 * factor)))
+    return Sightings([] if seen is None else [seen], threshold)
+
+
+def _search_factor(frame: Frame) -> int:
+    """The factor by which a frame is reduced to be searched: 1 or even."""
+    factor = 1
+    shorter, longer = sorted((frame.width, frame.height))
+    while longer / factor > SEARCH_WIDTH * 1.5 and shorter / factor >= 2 * LEAST_SIDE:
+        factor *= 2
+    return factor
+
+
+def _threshold(shades: Map, options: DetectorOptions) -> float:
+    return max(options.min_contrast, options.noise_factor * noise_of(shades))
+
+
+def _at_its_scale(frame: Frame, seen: Sighting) -> Sighting | None:
+    """The patch of a sighting, outlined anew where it is too small to show its shape."""
+    patch, _, factor, (left, top) = seen
+    x0, y0, x1, y1 = patch.box
+    size = max(x1 - x0, y1 - y0)
+    finer = factor
+    while finer > 1 and size * factor / finer < SHAPE_SIZE:
+        finer //= 2
+    if finer == factor:
+        return seen
+    margin = size // 2 + 4
+    wide = (
+        max((x0 - margin) * factor + left, 0),
+        max((y0 - margin) * factor + top, 0),
+        min((x1 + margin) * factor + left, frame.width),
+        min((y1 + margin) * factor + top, frame.height),
+    )
+    pixels = frame.reduced(finer, *wide)
+    shades = np.asarray(cv2.blur(redness(pixels), (3, 3)), np.float32)
+    rows, columns = np.nonzero(patch.mask)
+    k = int(np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2))
+    column = ((x0 + columns[k] + 0.5) * factor + left - wide[0]) / finer
+    row = ((y0 + rows[k] + 0.5) * factor + top - wide[1]) / finer
+    column = min(int(column), shades.shape[1] - 1)
+    row = min(int(row), shades.shape[0] - 1)
+    settled = settled_about(shades, column, row, patch.inside, patch.outside)
+    return None if settled is None else Sighting(settled, pixels, finer, wide[:2])
