@@ -12,17 +12,29 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from binopos_ros.capture import kernel as v4l2
 from binopos_ros.capture.errors import FAILED, FROZEN, CaptureError, broken
 
-if TYPE_CHECKING:
-    from binopos_ros.capture.v4l2 import Device
-
 _POLL_SLICE = 0.1
 _PAUSE_AFTER_FALSE_ALARM = 0.001
 _SEQUENCE_SPAN = 1 << 32
+
+
+class Streaming(Protocol):
+    """What a stream needs of the device that it is of."""
+
+    path: str
+
+    def ioctl(self, request: int, argument: Any) -> None:
+        """Make a request of the driver; OSError as the driver answers."""
+
+    def map(self, length: int, offset: int) -> Any:
+        """Map one of the driver's buffers into this process."""
+
+    def poll(self, timeout: float) -> bool:
+        """Wait up to `timeout` seconds for a frame (or for trouble)."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +65,7 @@ class Stream(AbstractContextManager['Stream'], Iterator[Frame]):
     """
 
     def __init__(
-        self, device: Device, buffers: int, timeout: float, interrupted: Callable[[], bool]
+        self, device: Streaming, buffers: int, timeout: float, interrupted: Callable[[], bool]
     ) -> None:
         self._device = device
         self._timeout = timeout
