@@ -8,18 +8,15 @@ shows only where the surface is slanted against the baseline, so a ruler stays w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from binopos_ros.calibration.covariance import ParameterCovariance
 from binopos_ros.calibration.epipolar import epipolar_residuals
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.state import RIGHT, RigState
-from binopos_ros.calibration.targets import TargetPair
 from binopos_ros.optics import StereoRig
-from binopos_ros.triangulation import triangulate
+from binopos_ros.optics.covariance_file import ParameterCovariance
+from binopos_ros.optics.rig_state import RIGHT, RigState
 
 FEWEST_PAIRS = 20
 HARMLESS = 0.1  # px; positions do not notice less
@@ -55,30 +52,31 @@ class DailyCheck:
 
 
 def check(
-    rig: StereoRig, targets: Sequence[TargetPair], covariance: ParameterCovariance | None = None
+    rig: StereoRig,
+    points: np.ndarray,
+    residuals: np.ndarray,
+    covariance: ParameterCovariance | None = None,
 ) -> DailyCheck:
     """Judge a calibration by the target's pairs of ordinary operation.
 
     Args:
         rig: as calibrated.
-        targets: the target in pairs of pictures, in the order of time.
+        points: (N, 3) where the pairs' rays meet, rig frame (m), in the order of time; nan where
+            a pair gives no position.
+        residuals: (N, 4) measured minus computed: left u, v, right u, v (px).
         covariance: of the calibration.
 
     Raises:
         CalibrationError: fewer than `FEWEST_PAIRS` pairs give a position.
     """
-    found = triangulate(
-        rig,
-        np.array([pair.left.centre for pair in targets]),
-        np.array([pair.right.centre for pair in targets]),
-    )
-    good = (found.reasons == '') & (np.abs(found.residuals).max(axis=1) < FOREIGN)
+    meet = np.isfinite(points).all(axis=1)
+    good = meet & (np.abs(residuals).max(axis=1) < FOREIGN)
     if good.sum() < FEWEST_PAIRS:
         raise CalibrationError(
-            f'{int(good.sum())} of {len(targets)} pairs give a position, {FEWEST_PAIRS} are '
+            f'{int(good.sum())} of {len(points)} pairs give a position, {FEWEST_PAIRS} are '
             'needed: record a longer piece with the target in both pictures'
         )
-    points, residuals = found.points[good], found.residuals[good]
+    points, residuals = points[good], residuals[good]
     state = RigState.of(rig)
     residual, response = epipolar_residuals(state, points, residuals)
 

@@ -31,7 +31,6 @@ from binopos_ros.calibration.pairing import FEWEST_PAIRS
 from binopos_ros.calibration.priors import Media, guesses_from, parse_numbers
 from binopos_ros.calibration.report import interface_report, stereo_report
 from binopos_ros.calibration.sources import Pictures, folder_pair, open_pictures
-from binopos_ros.calibration.state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.calibration.stereo import calibrate_stereo
 from binopos_ros.calibration.summary import summarise_interface, summarise_stereo
 from binopos_ros.calibration.targets import camera_infos_of, target_pairs
@@ -40,7 +39,9 @@ from binopos_ros.cli.calibrate_arguments import add_arguments
 from binopos_ros.cli.config import Parameters, config_of_bag
 from binopos_ros.cli.status_line import StatusLine
 from binopos_ros.optics import stereo_from_camera_infos
+from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.parameters import build
+from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.options import TriangulatorOptions
 
 __all__ = ['HELP', 'add_arguments', 'main']
@@ -155,7 +156,13 @@ def _check(arguments: argparse.Namespace) -> int:
     places = zip((SHARED, LEFT_PORT, RIGHT_PORT), options.interfaces(), strict=True)
     interfaces = {place: interface for place, interface in places if interface is not None}
     rig = replace(state, interfaces=interfaces).rig()
-    result = check(rig, target_pairs(arguments.bag), covariance)
+    targets = target_pairs(arguments.bag)
+    found = triangulate(
+        rig,
+        np.array([pair.left.centre for pair in targets]),
+        np.array([pair.right.centre for pair in targets]),
+    )
+    result = check(rig, found.points, found.residuals, covariance)
     print(result.text)
     return 0 if result.holds else NOT_HOLDING
 

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.check import DailyCheck, check
+from binopos_ros.calibration import check as daily
+from binopos_ros.calibration.check import DailyCheck
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.state import exponential
 from binopos_ros.calibration.targets import Blob, TargetPair
 from binopos_ros.optics import StereoRig
+from binopos_ros.optics.rig_state import exponential
+from binopos_ros.triangulation import triangulate
 
 PIXEL = 0.01 * np.eye(2)
 
@@ -45,6 +47,15 @@ def operation(
 @pytest.fixture(scope='module')
 def rig(rig_maker: Any) -> StereoRig:
     return rig_maker('surface', np.random.default_rng(3))[0]
+
+
+def check(rig: StereoRig, targets: list[TargetPair]) -> DailyCheck:
+    found = triangulate(
+        rig,
+        np.array([pair.left.centre for pair in targets]),
+        np.array([pair.right.centre for pair in targets]),
+    )
+    return daily.check(rig, found.points, found.residuals)
 
 
 def verdict(rig: StereoRig, *turn: float, **options: Any) -> DailyCheck:
