@@ -19,12 +19,11 @@ import numpy as np
 
 from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.covariance import ParameterCovariance, calibration_covariances
+from binopos_ros.calibration.covariance import calibration_covariances
 from binopos_ros.calibration.gather import find_boards
 from binopos_ros.calibration.guesses import InterfaceGuess
 from binopos_ros.calibration.interface import calibrate_interface
 from binopos_ros.calibration.sources import PicturePair, open_pictures
-from binopos_ros.calibration.state import RigState, exponential
 from binopos_ros.calibration.stereo import calibrate_stereo
 from binopos_ros.cli import main as binopos
 from binopos_ros.optics import (
@@ -34,6 +33,8 @@ from binopos_ros.optics import (
     read_camera_info,
     stereo_from_camera_infos,
 )
+from binopos_ros.optics.covariance_file import ParameterCovariance
+from binopos_ros.optics.rig_state import RigState, exponential
 from binopos_ros.triangulation import triangulate
 
 BOARD = Board('chessboard', 9, 6, 0.02)

@@ -23,8 +23,8 @@ import numpy as np
 from of_the_tests import module_of_the_tests
 from scipy import optimize
 
-from binopos_ros.calibration.uncertain import UncertainRig
 from binopos_ros.optics import FlatInterface, StereoRig
+from binopos_ros.optics.uncertain_rig import UncertainRig
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.index import IndexEstimator

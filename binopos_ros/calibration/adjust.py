@@ -17,8 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.projection import Pose, project
-from binopos_ros.calibration.state import RigState, cross_matrices, exponential
+from binopos_ros.calibration.pose import Pose
+from binopos_ros.optics.rig_projection import project
+from binopos_ros.optics.rig_state import RigState, cross_matrices, exponential
 
 HUBER = 2.5  # standard deviations of the 2-D residual; 4 % of clean points lie beyond
 REJECT = 4.5  # one clean point in 25000 lies beyond

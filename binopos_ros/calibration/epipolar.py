@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from binopos_ros.calibration.projection import project
-from binopos_ros.calibration.state import LEFT, RIGHT, RigState
+from binopos_ros.optics.rig_projection import project
+from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState
 
 
 def epipolar_residuals(

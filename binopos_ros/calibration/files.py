@@ -6,21 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from binopos_ros.calibration.covariance import (
-    ParameterCovariance,
-    read_covariance,
-    write_covariance,
-)
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface import InterfaceCalibration
-from binopos_ros.calibration.state import SIDES, TARGET_INDEX, Camera, RigState
 from binopos_ros.optics import (
     CameraInfo,
     read_camera_info,
     stereo_from_camera_infos,
     write_camera_info,
 )
+from binopos_ros.optics.covariance_file import (
+    ParameterCovariance,
+    read_covariance,
+    write_covariance,
+)
 from binopos_ros.optics.rig_files import camera_infos_from_stereo, interface_block
+from binopos_ros.optics.rig_state import SIDES, TARGET_INDEX, Camera, RigState
 
 INTERFACE_FILE = 'interface.yaml'
 COVARIANCE_FILE = 'covariance.yaml'

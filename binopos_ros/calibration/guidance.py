@@ -17,10 +17,10 @@ from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.corners import upright_like
 from binopos_ros.calibration.covariance import position_jacobians
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.projection import Pose
+from binopos_ros.calibration.pose import Pose
 from binopos_ros.calibration.start import guess_pose
-from binopos_ros.calibration.state import LEFT, RIGHT, SIDES, RigState, exponential
 from binopos_ros.calibration.views import BoardPair, coverage, foreshortening
+from binopos_ros.optics.rig_state import LEFT, RIGHT, SIDES, RigState, exponential
 
 FEWEST_TO_FIT = 6
 NEW_LOOK = 0.12  # distance in (tilt, tilt, log scale) or in parts of the picture from other views

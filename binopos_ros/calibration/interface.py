@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from binopos_ros.calibration.adjust import NEARLY, Adjustment, Prior, View, adjust
-from binopos_ros.calibration.covariance import ParameterCovariance
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.guesses import (
     InterfaceGuess,
@@ -26,11 +25,12 @@ from binopos_ros.calibration.guesses import (
 )
 from binopos_ros.calibration.noise import widened
 from binopos_ros.calibration.start import other_pose, straight_poses, sunk
-from binopos_ros.calibration.state import (
+from binopos_ros.calibration.views import Dropped
+from binopos_ros.optics.covariance_file import ParameterCovariance
+from binopos_ros.optics.rig_state import (
     LEFT,
     RigState,
 )
-from binopos_ros.calibration.views import Dropped
 
 SUSPICIOUS = 1.5  # times the median RMS of the views
 FEWEST_INLIERS = 0.7  # of a view's points

@@ -14,9 +14,9 @@ import numpy as np
 from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.projection import Pose
+from binopos_ros.calibration.pose import Pose
 from binopos_ros.calibration.start import guess_pose
-from binopos_ros.calibration.state import Camera, RigState, logarithm
+from binopos_ros.optics.rig_state import Camera, RigState, logarithm
 
 LARGEST_TURN = 2.0  # degrees between a pair's relative pose and the rig's
 LARGEST_SHIFT = 0.05  # of the baseline or of the board's distance, whichever is larger

@@ -9,8 +9,8 @@ import numpy as np
 
 from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.covariance import position_jacobians
-from binopos_ros.calibration.projection import Pose
-from binopos_ros.calibration.state import LEFT, RIGHT, RigState
+from binopos_ros.calibration.pose import Pose
+from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState
 
 TARGET_SIGMA = 0.1  # px, of a target's centre
 ACROSS, ALONG = 41, 31  # of the map

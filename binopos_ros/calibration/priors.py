@@ -9,7 +9,7 @@ from typing import Any
 
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.guesses import InterfaceGuess
-from binopos_ros.calibration.state import LEFT_PORT, RIGHT_PORT, SHARED, TARGET_INDEX
+from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, TARGET_INDEX
 
 PLACES = (SHARED, LEFT_PORT, RIGHT_PORT)
 EXAMPLE = 'write NAME=VALUE,SD as in distance=0.80,0.005 (metres)'

@@ -14,11 +14,11 @@ from binopos_ros.calibration.adjust import Adjustment, View
 from binopos_ros.calibration.files import write_text
 from binopos_ros.calibration.interface import InterfaceCalibration
 from binopos_ros.calibration.prediction import error_map
-from binopos_ros.calibration.state import SIDES
 from binopos_ros.calibration.stereo import StereoCalibration
 from binopos_ros.calibration.summary import camera_rows, interface_rows, stereo_rows
 from binopos_ros.calibration.verdicts import advice, tilt_angles, verdicts
 from binopos_ros.calibration.views import CELLS, Dropped, coverage
+from binopos_ros.optics.rig_state import SIDES
 
 FEW_VIEWS = 12
 EMPTY = 0.25  # of the cells

@@ -14,8 +14,8 @@ import numpy as np
 
 from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.projection import Pose
-from binopos_ros.calibration.state import LEFT, RIGHT, Camera, RigState
+from binopos_ros.calibration.pose import Pose
+from binopos_ros.optics.rig_state import LEFT, RIGHT, Camera, RigState
 
 FEWEST_POINTS = 4
 

@@ -21,10 +21,10 @@ from binopos_ros.calibration.corners import upright_like
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.noise import widened
 from binopos_ros.calibration.pairing import FEWEST_PAIRS, consensus, explain
-from binopos_ros.calibration.projection import Pose
+from binopos_ros.calibration.pose import Pose
 from binopos_ros.calibration.start import guess_pose
-from binopos_ros.calibration.state import LEFT, RIGHT, Camera, RigState
 from binopos_ros.calibration.views import BoardPair, Dropped, drop_blurred, select
+from binopos_ros.optics.rig_state import LEFT, RIGHT, Camera, RigState
 
 MOST_VIEWS = 40
 FOLDS = 5

@@ -8,10 +8,10 @@ import numpy as np
 
 from binopos_ros.calibration.adjust import Adjustment
 from binopos_ros.calibration.interface import InterfaceCalibration
-from binopos_ros.calibration.state import LEFT, RIGHT, SIDES, TARGET_INDEX, logarithm
 from binopos_ros.calibration.stereo import StereoCalibration
 from binopos_ros.calibration.verdicts import advice, verdicts
 from binopos_ros.calibration.views import Dropped
+from binopos_ros.optics.rig_state import LEFT, RIGHT, SIDES, TARGET_INDEX, logarithm
 
 Rows = list[tuple[str, str]]
 

@@ -13,9 +13,9 @@ from binopos_ros.bag import BagReader
 from binopos_ros.bag.messages import covariance_of, position_of, read_camera_info_message, stamp_of
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.sources import paired_images
-from binopos_ros.calibration.state import SIDES
 from binopos_ros.detection import Detector, JpegImage, RawImage, Target
 from binopos_ros.optics import CameraInfo
+from binopos_ros.optics.rig_state import SIDES
 from binopos_ros.triangulation.pairing import Pair, PairMatcher
 
 CENTROID = 'centroid'

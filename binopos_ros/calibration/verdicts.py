@@ -16,9 +16,9 @@ import numpy as np
 
 from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.interface import InterfaceCalibration
-from binopos_ros.calibration.projection import Pose
-from binopos_ros.calibration.state import TARGET_INDEX
+from binopos_ros.calibration.pose import Pose
 from binopos_ros.calibration.views import coverage
+from binopos_ros.optics.rig_state import TARGET_INDEX
 
 DETERMINED, WEAK, PRIOR = 'determined', 'weakly determined', 'not determined'
 IMPROVED = 0.7  # times the prior's deviation: above it the pictures added next to nothing

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.calibration.covariance import read_covariance
-from binopos_ros.calibration.uncertain import UncertainRig
 from binopos_ros.detection.disc import to_disc_centres
 from binopos_ros.detection.errors import DetectionError
 from binopos_ros.optics import StereoRig
 from binopos_ros.optics.camera_info import CameraInfo, stereo_from_camera_infos
+from binopos_ros.optics.covariance_file import read_covariance
+from binopos_ros.optics.uncertain_rig import UncertainRig
 from binopos_ros.triangulation.index import DIFFERENT_POINTS
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.pairing import SIDES, Pair, PairMatcher

@@ -13,9 +13,9 @@ from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.corners import find_board
 from binopos_ros.calibration.guesses import InterfaceGuess
-from binopos_ros.calibration.state import exponential
 from binopos_ros.calibration.views import BoardPair
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.rig_state import exponential
 
 SIZE = (1280, 960)
 

@@ -13,9 +13,9 @@ from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.camera import calibrate_camera, check_determined
 from binopos_ros.calibration.corners import find_board
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.state import exponential
 from binopos_ros.calibration.views import BoardPair
 from binopos_ros.optics import PinholeCamera
+from binopos_ros.optics.rig_state import exponential
 
 PUBLISHED_FOCAL, PUBLISHED_RMS, PUBLISHED_WORST = 535.91573396, 0.39259099, 1.182
 WINDOW, TOLERANCE = 11, 0.1  # the published ones (px)

@@ -11,16 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from binopos_ros.calibration.covariance import (
+from binopos_ros.calibration.covariance import calibration_covariances, position_jacobians
+from binopos_ros.calibration.interface import calibrate_interface
+from binopos_ros.optics import OpticsError
+from binopos_ros.optics.covariance_file import (
     ParameterCovariance,
-    calibration_covariances,
-    position_jacobians,
     read_covariance,
     write_covariance,
 )
-from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.interface import calibrate_interface
-from binopos_ros.calibration.state import Camera, RigState
+from binopos_ros.optics.rig_state import Camera, RigState
 from binopos_ros.triangulation import triangulate
 
 
@@ -132,10 +131,10 @@ def test_round_trip_is_exact(
 def test_damaged_files_are_refused(tmp_path: Path, text: str, line: str) -> None:
     path = tmp_path / 'covariance.yaml'
     path.write_text(text)
-    with pytest.raises(CalibrationError, match=line):
+    with pytest.raises(OpticsError, match=line):
         read_covariance(path)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(CalibrationError, match=r'none\.yaml'):
+    with pytest.raises(OpticsError, match=r'none\.yaml'):
         read_covariance(tmp_path / 'none.yaml')

@@ -18,9 +18,9 @@ from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.guidance import Guidance, Guide, Sizes, Solution
 from binopos_ros.calibration.interface import calibrate_interface
 from binopos_ros.calibration.live import LiveSession
-from binopos_ros.calibration.state import RigState
 from binopos_ros.calibration.stereo import calibrate_stereo
 from binopos_ros.calibration.views import BoardPair
+from binopos_ros.optics.rig_state import RigState
 
 BOARD = Board('chessboard', 9, 6, 0.02)
 SIZES = ((1280, 960), (1280, 960))

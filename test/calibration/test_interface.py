@@ -13,15 +13,16 @@ from scipy.stats import chi2
 
 from binopos_ros.calibration.adjust import View, view_information
 from binopos_ros.calibration.balls import ball_view
-from binopos_ros.calibration.covariance import ParameterCovariance, calibration_covariances
+from binopos_ros.calibration.covariance import calibration_covariances
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.guesses import InterfaceGuess
 from binopos_ros.calibration.interface import calibrate_interface
-from binopos_ros.calibration.projection import Pose
-from binopos_ros.calibration.state import Camera, RigState
+from binopos_ros.calibration.pose import Pose
 from binopos_ros.calibration.targets import Blob
 from binopos_ros.calibration.verdicts import DETERMINED, PRIOR, WEAK, advice, verdicts
 from binopos_ros.optics import FlatInterface
+from binopos_ros.optics.covariance_file import ParameterCovariance
+from binopos_ros.optics.rig_state import Camera, RigState
 from binopos_ros.triangulation import triangulate
 
 KINDS = ('surface', 'wall', 'ports')

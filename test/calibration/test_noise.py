@@ -11,9 +11,9 @@ import pytest
 from binopos_ros.calibration.adjust import View, adjust
 from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.interface import calibrate_interface
-from binopos_ros.calibration.state import RigState
 from binopos_ros.calibration.stereo import calibrate_stereo
 from binopos_ros.calibration.views import BoardPair
+from binopos_ros.optics.rig_state import RigState
 
 RIGS = 15
 

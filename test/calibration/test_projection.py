@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.projection import project
-from binopos_ros.calibration.state import RigState, exponential
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.rig_projection import project
+from binopos_ros.optics.rig_state import RigState, exponential
 
 STEP = 1e-6
 MATRIX = [[800.0, 0.0, 640.0], [0.0, 810.0, 480.0], [0.0, 0.0, 1.0]]

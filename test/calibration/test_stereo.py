@@ -13,10 +13,10 @@ from binopos_ros.calibration.adequacy import adequacy
 from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.corners import BoardView
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.state import RigState, exponential, logarithm
 from binopos_ros.calibration.stereo import StereoCalibration, calibrate_stereo
 from binopos_ros.calibration.views import BoardPair
 from binopos_ros.optics import PinholeCamera, StereoRig
+from binopos_ros.optics.rig_state import RigState, exponential, logarithm
 
 SIZES = ((640, 480), (640, 480))
 LARGE = ((1280, 960), (1280, 960))

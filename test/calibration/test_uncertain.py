@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.covariance import (
-    ParameterCovariance,
-    calibration_covariances,
-    write_covariance,
-)
+from binopos_ros.calibration.covariance import calibration_covariances
 from binopos_ros.calibration.files import camera_infos
-from binopos_ros.calibration.state import RigState
-from binopos_ros.calibration.uncertain import UncertainRig
 from binopos_ros.optics import StereoRig
+from binopos_ros.optics.covariance_file import ParameterCovariance, write_covariance
+from binopos_ros.optics.rig_state import RigState
+from binopos_ros.optics.uncertain_rig import UncertainRig
 from binopos_ros.parameters import build
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.options import TriangulatorOptions

@@ -12,9 +12,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from binopos_ros.calibration.projection import project
-from binopos_ros.calibration.state import LEFT, RIGHT, RigState
-from binopos_ros.optics import OpticsError, StereoRig
+from binopos_ros.optics.errors import OpticsError
+from binopos_ros.optics.rig import StereoRig
+from binopos_ros.optics.rig_projection import project
+from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState
 
 
 class UncertainRig(StereoRig):

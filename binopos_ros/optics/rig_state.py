@@ -15,8 +15,9 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
-from binopos_ros.optics.interface import tangents
+from binopos_ros.optics.camera import PinholeCamera
+from binopos_ros.optics.interface import FlatInterface, tangents
+from binopos_ros.optics.rig import StereoRig
 
 LEFT, RIGHT = 0, 1
 SIDES = ('left', 'right')

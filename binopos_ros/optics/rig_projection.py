@@ -1,7 +1,7 @@
-"""Pixels of board points, with the derivatives by every parameter of the rig and the board's pose.
+"""Pixels of points, with the derivatives by the point and by every parameter of the rig.
 
-The chain is board -> rig frame -> camera frame -> through the interface -> lens. Rotations are
-differentiated by a left factor exp(d) (see `state`).
+The chain is rig frame -> camera frame -> through the interface -> lens. Rotations are
+differentiated by a left factor exp(d) (see `rig_state`).
 """
 
 from __future__ import annotations
@@ -11,8 +11,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from binopos_ros.calibration.refracted import apparent_points
-from binopos_ros.calibration.state import (
+from binopos_ros.optics.arithmetic import ARRAYS
+from binopos_ros.optics.errors import OpticsError
+from binopos_ros.optics.paths import path_through
+from binopos_ros.optics.refracted import apparent_points
+from binopos_ros.optics.rig_state import (
     LEFT_PORT,
     RIGHT,
     RIGHT_PORT,
@@ -24,23 +27,8 @@ from binopos_ros.calibration.state import (
     cross_matrices,
     places_seen_through,
 )
-from binopos_ros.optics import OpticsError
-from binopos_ros.optics.arithmetic import ARRAYS
-from binopos_ros.optics.paths import path_through
 from binopos_ros.optics.shooting import image_plane_jacobian
 from binopos_ros.optics.surfaces import Surfaces
-
-
-@dataclass(frozen=True)
-class Pose:
-    """x_rig = rotation @ x_board + translation (m)."""
-
-    rotation: np.ndarray
-    translation: np.ndarray
-
-    def apply(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) board points in the rig frame."""
-        return points @ self.rotation.T + self.translation
 
 
 @dataclass(frozen=True)
