@@ -10,9 +10,9 @@ from binopos_ros.detection import DetectionError, DetectorOptions, Frame
 from binopos_ros.detection.stage import CameraStage
 from binopos_ros.optics import CameraInfo
 from binopos_ros.parameters import build, refuse_unknown, specs_of
+from binopos_ros.sides import SIDES
 from binopos_ros.smoothing.stage import Pose, Smoother, SmootherOptions, filter_options_type
 from binopos_ros.triangulation.options import TriangulatorOptions
-from binopos_ros.triangulation.pairing import SIDES
 from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from binopos_ros.calibration.adjust import Adjustment, Prior, View, adjust
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.start import guess_camera, guess_pose
-from binopos_ros.optics.rig_state import SIDES, RigState
+from binopos_ros.optics.rig_state import RigState
+from binopos_ros.sides import SIDES
 
 FEWEST_VIEWS = 4  # three determine the camera, one more tells whether they agree
 BROWN_TERMS = 5

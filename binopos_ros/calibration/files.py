@@ -20,7 +20,8 @@ from binopos_ros.optics.covariance_file import (
     write_covariance,
 )
 from binopos_ros.optics.rig_files import camera_infos_from_stereo, interface_block
-from binopos_ros.optics.rig_state import SIDES, TARGET_INDEX, Camera, RigState
+from binopos_ros.optics.rig_state import TARGET_INDEX, Camera, RigState
+from binopos_ros.sides import SIDES
 
 INTERFACE_FILE = 'interface.yaml'
 COVARIANCE_FILE = 'covariance.yaml'

@@ -14,7 +14,7 @@ from binopos_ros.calibration.corners import BoardView, find_board
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.sources import PicturePair
 from binopos_ros.calibration.views import BoardPair
-from binopos_ros.optics.rig_state import SIDES
+from binopos_ros.sides import SIDES
 
 Size = tuple[int, int]
 Tick = Callable[[], None]

@@ -11,13 +11,7 @@ from binopos_ros.calibration.adjust import Prior
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.optics import FlatInterface
 from binopos_ros.optics.covariance_file import ParameterCovariance
-from binopos_ros.optics.rig_state import (
-    LEFT_PORT,
-    RIGHT_PORT,
-    SHARED,
-    TARGET_INDEX,
-    RigState,
-)
+from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, TARGET_INDEX, RigState
 
 #: Where nothing was measured: standard deviations so wide that the pictures decide.
 UNKNOWN_NORMAL = 0.5  # rad

@@ -20,7 +20,8 @@ from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.pose import Pose
 from binopos_ros.calibration.start import guess_pose
 from binopos_ros.calibration.views import BoardPair, coverage, foreshortening
-from binopos_ros.optics.rig_state import LEFT, RIGHT, SIDES, RigState, exponential
+from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState, exponential
+from binopos_ros.sides import SIDES
 
 FEWEST_TO_FIT = 6
 NEW_LOOK = 0.12  # distance in (tilt, tilt, log scale) or in parts of the picture from other views

@@ -27,10 +27,7 @@ from binopos_ros.calibration.noise import widened
 from binopos_ros.calibration.start import other_pose, straight_poses, sunk
 from binopos_ros.calibration.views import Dropped
 from binopos_ros.optics.covariance_file import ParameterCovariance
-from binopos_ros.optics.rig_state import (
-    LEFT,
-    RigState,
-)
+from binopos_ros.optics.rig_state import LEFT, RigState
 
 SUSPICIOUS = 1.5  # times the median RMS of the views
 FEWEST_INLIERS = 0.7  # of a view's points

@@ -10,7 +10,8 @@ from binopos_ros.calibration.corners import BoardView, find_board
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.guidance import Guidance, Guide, Solve
 from binopos_ros.calibration.views import CELLS, BoardPair
-from binopos_ros.optics.rig_state import LEFT, RIGHT, SIDES
+from binopos_ros.optics.rig_state import LEFT, RIGHT
+from binopos_ros.sides import SIDES
 
 OVERLAY_WIDTH = 640  # px per camera
 ENOUGH_POINTS = 10  # per cell

@@ -17,6 +17,7 @@ from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.pose import Pose
 from binopos_ros.calibration.start import guess_pose
 from binopos_ros.optics.rig_state import Camera, RigState, logarithm
+from binopos_ros.sides import SIDES
 
 LARGEST_TURN = 2.0  # degrees between a pair's relative pose and the rig's
 LARGEST_SHIFT = 0.05  # of the baseline or of the board's distance, whichever is larger
@@ -158,7 +159,7 @@ def _why_no_agreement(
     pairs: dict[int, RelativePose],
 ) -> str:
     lead = f'only {agreeing} of {len(pairs)} pairs agree on one rig'
-    for side, name in enumerate(('left', 'right')):
+    for side, name in enumerate(SIDES):
         flipped = [_flipped(view, side, cameras[side].size, board) for view in views]
         mirrored = list(cameras)
         size = cameras[side].size

@@ -12,7 +12,7 @@ from binopos_ros.calibration.adjust import Adjustment, View
 from binopos_ros.calibration.epipolar import epipolar_residuals
 from binopos_ros.calibration.prediction import ErrorMap
 from binopos_ros.calibration.views import CELLS, coverage
-from binopos_ros.optics.rig_state import SIDES
+from binopos_ros.sides import SIDES
 
 CELLS_OF_RESIDUALS = (16, 12)
 MOST_NAMES = 25

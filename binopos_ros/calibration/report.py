@@ -18,7 +18,7 @@ from binopos_ros.calibration.stereo import StereoCalibration
 from binopos_ros.calibration.summary import camera_rows, interface_rows, stereo_rows
 from binopos_ros.calibration.verdicts import advice, tilt_angles, verdicts
 from binopos_ros.calibration.views import CELLS, Dropped, coverage
-from binopos_ros.optics.rig_state import SIDES
+from binopos_ros.sides import SIDES
 
 FEW_VIEWS = 12
 EMPTY = 0.25  # of the cells

@@ -16,7 +16,8 @@ from binopos_ros.bag.messages import stamp_of
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views import Dropped
 from binopos_ros.detection.images import RawImage, decode
-from binopos_ros.triangulation.pairing import Pair, PairMatcher
+from binopos_ros.pairing import Pair, PairMatcher
+from binopos_ros.sides import SIDES
 
 SUFFIXES = ('.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp')
 TOPICS = ('image_raw/compressed', 'image_raw')
@@ -59,7 +60,7 @@ def open_pictures(source: Path, interval: float = 0.0) -> Pictures:
     if is_bag(source):
         return _from_bag(source, interval)
     if source.is_dir():
-        folders = [source / side for side in ('left', 'right')]
+        folders = [source / side for side in SIDES]
         if all(folder.is_dir() for folder in folders):
             return match(_pictures_in(folders[0]), _pictures_in(folders[1]))
         sides: dict[str, list[Path]] = {'left': [], 'right': []}
@@ -189,12 +190,12 @@ def _from_bag(path: Path, interval: float) -> Pictures:
 
 
 def paired_images(path: Path) -> Iterator[Any]:
-    """Pairs and leftovers of (stamp in ns, image message), as `triangulation.pairing` has them."""
+    """Pairs and leftovers of (stamp in ns, image message), as `pairing` has them."""
     with BagReader(path) as reader:
         sides: dict[str, str] = {}
         for ending in TOPICS:
             for topic in reader.topics:
-                for side in ('left', 'right'):
+                for side in SIDES:
                     if topic.endswith(f'{side}/{ending}') and side not in sides.values():
                         sides[topic] = side
         if len(sides) != 2:

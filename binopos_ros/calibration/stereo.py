@@ -25,6 +25,7 @@ from binopos_ros.calibration.pose import Pose
 from binopos_ros.calibration.start import guess_pose
 from binopos_ros.calibration.views import BoardPair, Dropped, drop_blurred, select
 from binopos_ros.optics.rig_state import LEFT, RIGHT, Camera, RigState
+from binopos_ros.sides import SIDES
 
 MOST_VIEWS = 40
 FOLDS = 5
@@ -197,7 +198,7 @@ def _usable(pairs: Sequence[BoardPair], board: Board) -> tuple[list[BoardPair], 
 
 def _outlying(single: Sequence[CameraFit]) -> dict[str, str]:
     reasons: dict[str, str] = {}
-    for name, fit in zip(('left', 'right'), single, strict=True):
+    for name, fit in zip(SIDES, single, strict=True):
         for view, reason in fit.outlying.items():
             reasons.setdefault(view, f'{name} picture: {reason}')
     return reasons

@@ -11,7 +11,8 @@ from binopos_ros.calibration.interface import InterfaceCalibration
 from binopos_ros.calibration.stereo import StereoCalibration
 from binopos_ros.calibration.verdicts import advice, verdicts
 from binopos_ros.calibration.views import Dropped
-from binopos_ros.optics.rig_state import LEFT, RIGHT, SIDES, TARGET_INDEX, logarithm
+from binopos_ros.optics.rig_state import LEFT, RIGHT, TARGET_INDEX, logarithm
+from binopos_ros.sides import SIDES
 
 Rows = list[tuple[str, str]]
 

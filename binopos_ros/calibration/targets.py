@@ -15,8 +15,8 @@ from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.sources import paired_images
 from binopos_ros.detection import Detector, JpegImage, RawImage, Target
 from binopos_ros.optics import CameraInfo
-from binopos_ros.optics.rig_state import SIDES
-from binopos_ros.triangulation.pairing import Pair, PairMatcher
+from binopos_ros.pairing import Pair, PairMatcher
+from binopos_ros.sides import SIDES
 
 CENTROID = 'centroid'
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.capture.errors import CaptureError
-from binopos_ros.capture.pairing import split_side_by_side
 
 JPEG_FORMATS = ('MJPG', 'JPEG')
 
@@ -79,3 +78,19 @@ def split_raw(
     """
     lines = np.frombuffer(data, np.uint8, step * height).reshape(height, step)
     return split_side_by_side(lines[:, : width * pixel])
+
+
+def split_side_by_side(picture: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Split a picture that holds the left view beside the right one.
+
+    :param picture: (height, 2 width, ...).
+    :returns: the two halves, (height, width, ...), as views.
+    :raises CaptureError: where the width is odd.
+    """
+    width = picture.shape[1]
+    if width % 2:
+        message = (
+            f'a side-by-side image of odd width {width} px cannot be split; choose another size'
+        )
+        raise CaptureError(message)
+    return picture[:, : width // 2], picture[:, width // 2 :]

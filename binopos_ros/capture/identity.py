@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from binopos_ros.capture.usb import Camera
+from binopos_ros.sides import SIDES
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,7 @@ def exchanged(before: Mapping[str, Identity], now: Mapping[str, Identity]) -> bo
 
 
 def _serials(identities: Mapping[str, Identity]) -> list[tuple[str, str]]:
-    return [
-        (identities[side].vendor_product, identities[side].serial) for side in ('left', 'right')
-    ]
+    return [(identities[side].vendor_product, identities[side].serial) for side in SIDES]
 
 
 def memory_file() -> Path:

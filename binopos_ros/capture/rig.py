@@ -12,11 +12,12 @@ from binopos_ros.capture.errors import INVALID, CaptureError
 from binopos_ros.capture.identity import Identity
 from binopos_ros.capture.kernel import Kernel
 from binopos_ros.capture.options import CaptureOptions
-from binopos_ros.capture.pairing import SIDES, SkewMeter
 from binopos_ros.capture.recovery import STREAMING, SteadyCamera
+from binopos_ros.capture.skew import SkewMeter
 from binopos_ros.capture.stream import Frame
 from binopos_ros.capture.usb import Camera
 from binopos_ros.capture.v4l2 import Format
+from binopos_ros.sides import SIDES
 
 LOCKED_VALUES = ('exposure_time_absolute', 'exposure_absolute', 'exposure', 'gain')
 AUTOMATICS = {'auto_exposure': 1, 'exposure_auto': 1, 'gain_automatic': 0}

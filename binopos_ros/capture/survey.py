@@ -10,8 +10,8 @@ from binopos_ros.capture import usb
 from binopos_ros.capture.formats import ENCODINGS, JPEG_FORMATS
 from binopos_ros.capture.kernel import Kernel
 from binopos_ros.capture.options import CaptureOptions
-from binopos_ros.capture.pairing import Skew
 from binopos_ros.capture.rig import CaptureRig
+from binopos_ros.capture.skew import Skew
 from binopos_ros.capture.stream import Frame
 from binopos_ros.capture.usb import Camera
 from binopos_ros.capture.v4l2 import Device, Format, Mode

@@ -41,6 +41,7 @@ from binopos_ros.cli.status_line import StatusLine
 from binopos_ros.optics import stereo_from_camera_infos
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.parameters import build
+from binopos_ros.sides import SIDES
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.options import TriangulatorOptions
 
@@ -246,7 +247,7 @@ def _search(pictures: Pictures, board: Board, window: int | None) -> tuple[list[
 
 
 def _same_size(sizes: Sizes, air: RigState) -> None:
-    for name, size, camera in zip(('left', 'right'), sizes, air.cameras, strict=True):
+    for name, size, camera in zip(SIDES, sizes, air.cameras, strict=True):
         if size != camera.size:
             raise CalibrationError(
                 f'the {name} pictures are {size[0]}x{size[1]}, but the camera was calibrated at '

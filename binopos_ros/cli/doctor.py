@@ -20,10 +20,10 @@ from binopos_ros.cli.config import Parameters, add_config_argument, existing
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.parameters import build
+from binopos_ros.sides import SIDES
 
 HELP = 'say what is wrong with this machine, and how to mend it'
 
-SIDES = ('left', 'right')
 FEWEST_FRAMES = 0.9
 """Share of the frame rate that a camera must reach."""
 CONTROLS = '.controls.'

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from binopos_ros.bag import BagError, BagReader
+from binopos_ros.sides import SIDES
 
-SIDES = ('left', 'right')
 SUFFIXES = {'compressed': 'image_raw/compressed', 'raw': 'image_raw', 'camera_info': 'camera_info'}
 TRUTH = 'truth/pose'
 

@@ -20,7 +20,8 @@ from binopos_ros.calibration.live import LiveSession
 from binopos_ros.calibration.sources import grey_picture
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.shell import StageNode
-from binopos_ros.triangulation.pairing import SIDES, Pair, PairMatcher
+from binopos_ros.pairing import Pair, PairMatcher
+from binopos_ros.sides import SIDES
 
 QUALITY = 80
 WAIT = 0.2  # s, in which the worker looks whether the node has ended

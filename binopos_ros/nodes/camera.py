@@ -23,11 +23,11 @@ from binopos_ros.capture.formats import (
     packed,
     raw_fault,
     split_raw,
+    split_side_by_side,
 )
 from binopos_ros.capture.identity import exchanged, memory_file, recall, remember
 from binopos_ros.capture.kernel import Kernel
 from binopos_ros.capture.options import CaptureOptions
-from binopos_ros.capture.pairing import SIDES, split_side_by_side
 from binopos_ros.capture.recovery import STREAMING
 from binopos_ros.capture.rig import BOTH, CaptureRig
 from binopos_ros.capture.stream import Frame, copied
@@ -38,6 +38,7 @@ from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.messages import header
 from binopos_ros.nodes.shell import StageNode
 from binopos_ros.optics.camera_info import CameraInfo as Calibration
+from binopos_ros.sides import SIDES
 
 WATCH_PERIOD = 0.2
 

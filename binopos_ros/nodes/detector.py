@@ -24,8 +24,8 @@ from binopos_ros.detection.stage import CameraStage, try_decode
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode
+from binopos_ros.sides import SIDES
 
-SIDES = ('left', 'right')
 OVERLAY_QUALITY = 80
 
 

@@ -16,12 +16,13 @@ from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.interfaces import installed_class
 from binopos_ros.nodes.offers import offer_of, profile_requested
 from binopos_ros.nodes.shell import StageNode, run
+from binopos_ros.sides import SIDES
 
 #: The suite's topics, relative to the node's namespace.
 SUITE = (
     *(
         f'{side}/{topic}'
-        for side in ('left', 'right')
+        for side in SIDES
         for topic in ('image_raw/compressed', 'image_raw', 'camera_info', 'centroid')
     ),
     'target/position',

@@ -14,8 +14,8 @@ from binopos_ros.bag.messages import covariance_of, position_of, read_camera_inf
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode
+from binopos_ros.sides import SIDES
 from binopos_ros.triangulation.options import TriangulatorOptions
-from binopos_ros.triangulation.pairing import SIDES
 from binopos_ros.triangulation.stage import Centroid, Drop, Index, Position, Triangulator
 
 

@@ -20,7 +20,6 @@ from binopos_ros.optics.rig_state import (
     RIGHT,
     RIGHT_PORT,
     SHARED,
-    SIDES,
     TARGET_INDEX,
     Camera,
     RigState,
@@ -29,6 +28,7 @@ from binopos_ros.optics.rig_state import (
 )
 from binopos_ros.optics.shooting import image_plane_jacobian
 from binopos_ros.optics.surfaces import Surfaces
+from binopos_ros.sides import SIDES
 
 
 @dataclass(frozen=True)

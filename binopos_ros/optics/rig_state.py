@@ -18,9 +18,9 @@ import numpy as np
 from binopos_ros.optics.camera import PinholeCamera
 from binopos_ros.optics.interface import FlatInterface, tangents
 from binopos_ros.optics.rig import StereoRig
+from binopos_ros.sides import SIDES
 
 LEFT, RIGHT = 0, 1
-SIDES = ('left', 'right')
 LENS_TERMS = ('k1', 'k2', 'p1', 'p2', 'k3', 'k4', 'k5', 'k6', 's1', 's2', 's3', 's4', 'tx', 'ty')
 TARGET_INDEX = 'target_index'
 SHARED, LEFT_PORT, RIGHT_PORT = 'interface', 'left_port', 'right_port'

@@ -18,6 +18,7 @@ from binopos_ros.optics.rig_files import (
     interface_block,
     yaml_numbers,
 )
+from binopos_ros.sides import SIDES
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.render import Renderer
 from binopos_ros.simulation.scene import Scene
@@ -27,7 +28,6 @@ from binopos_ros.simulation.target import Disc
 Array = NDArray[np.float64]
 
 NAMESPACE = '/stereo'
-SIDES = ('left', 'right')
 FRAMES = ('left_camera_optical_frame', 'right_camera_optical_frame')
 #: Stamp of the first pair, ns: a fixed moment, so that the same scene gives the same bytes.
 START_NS = 1_700_000_000 * 10**9

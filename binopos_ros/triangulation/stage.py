@@ -21,9 +21,10 @@ from binopos_ros.optics import StereoRig
 from binopos_ros.optics.camera_info import CameraInfo, stereo_from_camera_infos
 from binopos_ros.optics.covariance_file import read_covariance
 from binopos_ros.optics.uncertain_rig import UncertainRig
+from binopos_ros.pairing import Pair, PairMatcher
+from binopos_ros.sides import SIDES
 from binopos_ros.triangulation.index import DIFFERENT_POINTS
 from binopos_ros.triangulation.options import TriangulatorOptions
-from binopos_ros.triangulation.pairing import SIDES, Pair, PairMatcher
 from binopos_ros.triangulation.skew import Movement, Sample, Track
 from binopos_ros.triangulation.triangulate import triangulate
 

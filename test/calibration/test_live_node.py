@@ -20,6 +20,7 @@ from binopos_ros.bag.messages import stamp_of
 from binopos_ros.calibration.views import CELLS
 from binopos_ros.cli import main
 from binopos_ros.optics import read_camera_info
+from binopos_ros.sides import SIDES
 
 rclpy = pytest.importorskip('rclpy', reason='rclpy is not installed')
 
@@ -27,7 +28,6 @@ pytestmark = pytest.mark.live
 
 #: Only a failure waits as long as this (s).
 PATIENCE = 240.0
-SIDES = ('left', 'right')
 Jpegs = tuple[bytes, bytes]
 
 

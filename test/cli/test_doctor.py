@@ -9,7 +9,7 @@ import pytest
 from binopos_ros.capture import CaptureError, Mode
 from binopos_ros.capture.errors import DENIED
 from binopos_ros.capture.options import CaptureOptions, LeftOptions, RightOptions
-from binopos_ros.capture.pairing import Skew
+from binopos_ros.capture.skew import Skew
 from binopos_ros.capture.survey import Reached, Survey
 from binopos_ros.capture.usb import Camera
 from binopos_ros.capture.v4l2 import Format

@@ -15,9 +15,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from binopos_ros.sides import SIDES
+
 Item = TypeVar('Item')
 
-SIDES = ('left', 'right')
 #: Tolerance in nanoseconds until two stamps of one side are known.
 FIRST_TOLERANCE = 5_000_000
 #: A stamp that lies this many nanoseconds before its predecessor starts a new recording.
@@ -96,6 +97,10 @@ class PairMatcher(Generic[Item]):
             return self._given_tolerance
         period = self._intervals.period()
         return FIRST_TOLERANCE if period is None else period // 2
+
+    @tolerance.setter
+    def tolerance(self, nanoseconds: int) -> None:
+        self._given_tolerance = nanoseconds
 
     def add(self, side: str, stamp: int, item: Item) -> Iterator[Pair[Item] | Unpaired[Item]]:
         """Take one item in; yield what this decides, in the order of the stamps.

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from binopos_ros.capture.errors import CaptureError
-from binopos_ros.capture.pairing import SkewMeter, split_side_by_side
+from binopos_ros.capture.formats import split_side_by_side
+from binopos_ros.capture.skew import SkewMeter
 
 PERIOD = 1 / 30
 

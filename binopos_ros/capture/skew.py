@@ -1,20 +1,19 @@
-"""Two cameras as one: how far apart their frames are taken, and one picture that holds both."""
+"""How far apart the frames of two cameras are taken."""
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter, deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.capture.errors import CaptureError
+from binopos_ros.pairing import Pair, PairMatcher, Unpaired
+from binopos_ros.sides import SIDES
 
 Floats = NDArray[np.float64]
 
-LEFT, RIGHT = SIDES = ('left', 'right')
-_WAITING = 64
 _FEWEST_FOR_DRIFT = 10
 
 
@@ -44,35 +43,27 @@ class SkewMeter:
     """
 
     def __init__(self, tolerance: float, window: int = 900) -> None:
-        self.tolerance = tolerance
         self.paired = 0
         self.unpaired: Counter[str] = Counter({side: 0 for side in SIDES})
-        self._waiting: dict[str, list[int]] = {side: [] for side in SIDES}
+        self._matcher: PairMatcher[int] = PairMatcher(_nanoseconds(tolerance))
         self._pairs: deque[tuple[int, int]] = deque(maxlen=window)
+
+    @property
+    def tolerance(self) -> float:
+        """Largest difference between the stamps of a pair, s."""
+        return self._matcher.tolerance * 1e-9
+
+    @tolerance.setter
+    def tolerance(self, seconds: float) -> None:
+        self._matcher.tolerance = _nanoseconds(seconds)
 
     def add(self, side: str, stamp_ns: int) -> None:
         """Take in the stamp of a frame; those of one side come in order."""
-        other = RIGHT if side == LEFT else LEFT
-        partners = self._waiting[other]
-        tolerance_ns = round(self.tolerance * 1e9)
-        # Stamps come in order, so what lies too far back can meet nothing that is yet to come.
-        self._give_up(other, bisect_left(partners, stamp_ns - tolerance_ns))
-        nearest = min(partners, key=lambda stamp: abs(stamp - stamp_ns), default=None)
-        if nearest is None or abs(nearest - stamp_ns) > tolerance_ns:
-            self._waiting[side].append(stamp_ns)
-            self._give_up(side, max(0, len(self._waiting[side]) - _WAITING))
-            return
-        self._give_up(other, partners.index(nearest))
-        partners.pop(0)
-        self._give_up(side, len(self._waiting[side]))
-        left, right = (stamp_ns, nearest) if side == LEFT else (nearest, stamp_ns)
-        self._pairs.append((left, right))
-        self.paired += 1
+        self._count(self._matcher.add(side, stamp_ns, stamp_ns))
 
     def forget(self) -> None:
         """Start afresh, after a camera has been away; the counts go on."""
-        for side in SIDES:
-            self._give_up(side, len(self._waiting[side]))
+        self._count(self._matcher.flush())
         self._pairs.clear()
 
     def skew(self) -> Skew | None:
@@ -88,25 +79,17 @@ class SkewMeter:
             pairs=len(skews),
         )
 
-    def _give_up(self, side: str, count: int) -> None:
-        del self._waiting[side][:count]
-        self.unpaired[side] += count
+    def _count(self, events: Iterator[Pair[int] | Unpaired[int]]) -> None:
+        for event in events:
+            if isinstance(event, Pair):
+                self._pairs.append((event.left, event.right))
+                self.paired += 1
+            else:
+                self.unpaired[event.side] += 1
 
 
-def split_side_by_side(picture: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Split a picture that holds the left view beside the right one.
-
-    :param picture: (height, 2 width, ...).
-    :returns: the two halves, (height, width, ...), as views.
-    :raises CaptureError: where the width is odd.
-    """
-    width = picture.shape[1]
-    if width % 2:
-        message = (
-            f'a side-by-side image of odd width {width} px cannot be split; choose another size'
-        )
-        raise CaptureError(message)
-    return picture[:, : width // 2], picture[:, width // 2 :]
+def _nanoseconds(seconds: float) -> int:
+    return round(seconds * 1e9)
 
 
 def _drift(seconds: Floats, skews: Floats) -> float:

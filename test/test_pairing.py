@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from binopos_ros.triangulation.pairing import Pair, PairMatcher, Unpaired
+from binopos_ros.pairing import Pair, PairMatcher, Unpaired
 
 PERIOD = 33_333_333
 
