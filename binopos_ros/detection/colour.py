@@ -1,11 +1,19 @@
-"""Redness, and where it stands out.
+"""Two chromatic quantities: redness, and what tells red from yellow and from violet.
 
-Redness is (R - G) / (R + G + B + c): a chromatic quantity, so brightness cancels. Water takes red
-first, which lowers the redness of target and surroundings alike, so a patch is judged by its
-contrast to what surrounds it. The constant keeps the noise of dark pixels small.
+Redness is (R - G) / (R + G + B + c), yellowness (G - B) / (R + G + B + c): brightness cancels. The
+constant keeps the noise of dark pixels small.
+
+Water takes red first, which lowers the redness of target and surroundings alike, so a patch is
+judged by its contrast to what surrounds it. It also mixes its own colour into whatever is seen
+through it, so a faded colour lies on the line from the water's to its own. Where that line is as
+red as can be (redness 1) lies 0 yellowness for a red paint, more for an orange or a yellow one,
+less for a pink or a violet one, however much of it the water has taken.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -23,3 +31,29 @@ def redness(bgr: Picture) -> Map:
     """Give (R - G) / (R + G + B + 24), (height, width) float32, of blue-green-red pixels."""
     both = cv2.transform(bgr.astype(np.float32), _NUMERATOR_AND_SUM)
     return np.asarray(both[..., 0] / both[..., 1], np.float32)
+
+
+class Hue(NamedTuple):
+    """A patch's colour beside that of its surroundings.
+
+    purity is the share in which it has gone from theirs to a full red, by redness; tint the
+    yellowness (below 0: the violet) that it would have there.
+    """
+
+    purity: float
+    tint: float
+
+
+def hue(inside: Sequence[float], around: Sequence[float]) -> Hue:
+    """Give the hue of a colour among another, each blue, green, red."""
+    (redder, yellower), (red, yellow) = _chroma(inside), _chroma(around)
+    purity = (redder - red) / (1 - red)
+    if purity <= 0:
+        return Hue(0.0, 0.0)
+    return Hue(purity, yellow + (yellower - yellow) / purity)
+
+
+def _chroma(colour: Sequence[float]) -> tuple[float, float]:
+    blue, green, red = colour[:3]
+    total = blue + green + red + DARK
+    return (red - green) / total, (green - blue) / total

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from . import moments
+from .colour import Hue, hue
 from .images import Frame
 from .search import Sighting
 from .target import Ellipse
@@ -18,45 +19,47 @@ class Description(NamedTuple):
     """A patch in numbers.
 
     outline is the ellipse of its moments in px of the image, fit the share in which patch and
-    ellipse agree, cut whether the edge of the image cuts it. redness and contrast are as of
-    `Candidate`.
+    ellipse agree, width the minor axis in the reduced pixels of the sighting, cut whether the edge
+    of the image cuts it. redness and contrast are as of `Candidate`.
     """
 
     sighting: Sighting
+    cutout: moments.Cutout
     outline: Ellipse
     fit: float
+    width: float
     redness: float
     contrast: float
+    hue: Hue
     cut: bool
-
-    @property
-    def score(self) -> float:
-        """What the patch is ranked by."""
-        major, minor = self.outline.semi_axes
-        return self.contrast * self.fit**4 * math.sqrt(major * minor)
 
 
 def describe(frame: Frame, sighting: Sighting) -> Description:
     """Describe a patch of a frame."""
     patch = sighting.patch
     outline, fit = _shape(sighting)
-    contrast = patch.inside - patch.outside
-    return Description(sighting, outline, fit, patch.inside, contrast, _is_cut(sighting, frame))
+    factor = sighting.factor
+    cutout = moments.cut_out(sighting.pixels, patch.mask, patch.box[:2], factor)
+    return Description(
+        sighting,
+        cutout,
+        outline,
+        fit,
+        width=2 * outline.semi_axes[1] / factor,
+        redness=patch.inside,
+        contrast=patch.inside - patch.outside,
+        hue=hue(cutout.inside, cutout.around),
+        cut=_is_cut(sighting, frame),
+    )
 
 
-def covered(seen: Sighting) -> Ellipse:
+def covered(seen: Description) -> Ellipse:
     """Give the outline by the share of the pixels that the patch covers, in px of the image.
 
     Raises DetectionError where the patch has no colour of its own, or too little is covered.
     """
-    height, width = seen.pixels.shape[:2]
-    x0, y0, x1, y1 = seen.patch.box
-    margin = moments.margin(seen.factor)
-    left, top = max(x0 - margin, 0), max(y0 - margin, 0)
-    pixels = seen.pixels[top : min(y1 + margin, height), left : min(x1 + margin, width)]
-    mask = np.zeros(pixels.shape[:2], np.uint8)
-    mask[y0 - top : y1 - top, x0 - left : x1 - left] = seen.patch.mask
-    return _placed(moments.covered(pixels, mask, seen.factor), (left, top), seen)
+    sighting, cutout = seen.sighting, seen.cutout
+    return _placed(moments.covered(cutout, sighting.factor), cutout.corner, sighting)
 
 
 def _is_cut(seen: Sighting, frame: Frame) -> bool:

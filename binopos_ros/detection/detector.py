@@ -7,6 +7,7 @@ A frame's way: red patches are found, or followed (`search`), described (`descri
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from .errors import DetectionError
 from .images import ColourFrame, Frame, JpegImage, Picture, RawImage, decode
 from .judge import Judged, is_same, judge
 from .measure import measure
-from .options import DetectorOptions
+from .options import DetectorOptions, TargetOptions
 from .paper import detect_by_extremes
 from .search import Sightings, find, follow
 from .target import Candidate, Detection, Target
@@ -38,8 +39,13 @@ class Detector:
     """
 
     def __init__(self, options: DetectorOptions | None = None, **changes: Any) -> None:
-        """Take options, or their values by name. Raises DetectionError for a bad value."""
+        """Take options, or their values by name; those of the target also as a mapping.
+
+        Raises DetectionError for a bad value.
+        """
         try:
+            if isinstance(changes.get('target'), Mapping):
+                changes['target'] = TargetOptions(**changes['target'])
             self.options = replace(options or DetectorOptions(), **changes)
         except TypeError as error:
             msg = f'unknown option of the detector: {error}'

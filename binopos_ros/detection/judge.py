@@ -10,18 +10,33 @@ from .describe import Description
 from .options import DetectorOptions
 from .target import Candidate
 
+CLIPPED = 235.0
+"""Mean grey level from which a channel counts as clipped."""
+
+FLAT_SHARE, ROUGHNESS = 0.15, 0.3
+"""A flat outline must be an ellipse more surely than a round one: it may disagree by so much of
+its axis ratio, and by so many pixels along its minor axis that raggedness takes."""
+
+ROUND = 0.7
+"""Smallest axis ratio of a ball's outline."""
+
 
 class Judged(NamedTuple):
-    """A patch, and why it is refused; the reason is empty where it may be the target."""
+    """A patch, what it is ranked by, and why it is refused.
+
+    The reason is empty where it may be the target.
+    """
 
     description: Description
+    score: float
     reason: str
 
     def candidate(self) -> Candidate:
         """The patch as others are told of it."""
-        _, outline, fit, redness, contrast, _ = self.description
-        score = self.description.score
-        return Candidate(outline, contrast, redness, fit, score, self.reason)
+        seen = self.description
+        return Candidate(
+            seen.outline, seen.contrast, seen.redness, seen.fit, self.score, self.reason
+        )
 
 
 def judge(
@@ -34,10 +49,11 @@ def judge(
     judged: list[Judged] = []
     for each in descriptions:
         if not any(is_same(each, other.description) for other in judged):
-            judged.append(Judged(each, _refusal(each, threshold, options)))
+            reason = _refusal(each, threshold, options)
+            judged.append(Judged(each, _score(each, options), reason))
     if options.mirror_above:
         judged = _without_mirror_images(judged)
-    return sorted(judged, key=lambda each: (bool(each.reason), -each.description.score))
+    return sorted(judged, key=lambda each: (bool(each.reason), -each.score))
 
 
 def is_same(one: Description, other: Description) -> bool:
@@ -46,10 +62,21 @@ def is_same(one: Description, other: Description) -> bool:
     return distance < 0.5 * min(one.outline.semi_axes[0], other.outline.semi_axes[0]) + 1
 
 
+def _score(seen: Description, options: DetectorOptions) -> float:
+    """What a patch is ranked by: how much it stands out, and how like a red target it is."""
+    major, minor = seen.outline.semi_axes
+    score = (
+        seen.contrast * seen.fit**4 * math.sqrt(major * minor) * (1 - min(abs(seen.hue.tint), 1))
+    )
+    return score if options.target.shape == 'disc' else score * minor / major
+
+
 def _refusal(seen: Description, threshold: float, options: DetectorOptions) -> str:
     major, minor = seen.outline.semi_axes
     if seen.contrast < threshold:
         return f'contrast {seen.contrast:.2f} is below {threshold:.2f}'
+    if reason := _off_red(seen, options):
+        return reason
     if seen.redness < options.min_redness:
         return f'redness {seen.redness:.2f} is below {options.min_redness:.2f}'
     if seen.cut:
@@ -58,10 +85,27 @@ def _refusal(seen: Description, threshold: float, options: DetectorOptions) -> s
         return f'diameter {2 * major:.1f} px is below {options.min_diameter:.1f} px'
     if 2 * major > options.max_diameter:
         return f'diameter {2 * major:.1f} px is above {options.max_diameter:.1f} px'
-    if minor < options.min_axis_ratio * major:
-        return f'axis ratio {minor / major:.2f} is below {options.min_axis_ratio:.2f}'
-    if seen.fit < options.min_fit:
-        return f'shape agrees with an ellipse by {seen.fit:.2f}, less than {options.min_fit:.2f}'
+    ratio = minor / major
+    least_ratio = max(options.min_axis_ratio, ROUND if options.target.shape == 'ball' else 0.0)
+    if ratio < least_ratio:
+        return f'axis ratio {ratio:.2f} is below {least_ratio:.2f}'
+    least_fit = max(options.min_fit, 1 - FLAT_SHARE * ratio - ROUGHNESS / seen.width)
+    if seen.fit < least_fit:
+        return f'shape agrees with an ellipse by {seen.fit:.2f}, less than {least_fit:.2f}'
+    return ''
+
+
+def _off_red(seen: Description, options: DetectorOptions) -> str:
+    """Why a patch that is redder than its surroundings is of another colour all the same."""
+    purity, tint = seen.hue
+    blue, green, red = seen.cutout.inside
+    if max(blue, green) >= CLIPPED and red < max(blue, green):
+        return 'overexposed: a white glint, or a colour that is cut off'
+    # The less of a colour is left, the more of what is seen is the water's and the camera's.
+    if tint > options.max_yellow - purity:
+        return f'yellow or orange: tint {tint:.2f} is above {options.max_yellow - purity:.2f}'
+    if tint < -options.max_blue:
+        return f'pink or violet: tint {tint:.2f} is below {-options.max_blue:.2f}'
     return ''
 
 
@@ -71,16 +115,16 @@ def _without_mirror_images(judged: list[Judged]) -> list[Judged]:
     if len(good) < 2:
         return judged
     return [
-        each if each.reason else Judged(each.description, _mirrors(each.description, good))
+        each if each.reason else each._replace(reason=_mirrors(each.description, good))
         for each in judged
     ]
 
 
 def _mirrors(upper: Description, good: list[Description]) -> str:
-    below = [each for each in good if _is_mirror_image(upper, each)]
-    if not below:
+    below = next((each for each in good if _is_mirror_image(upper, each)), None)
+    if below is None:
         return ''
-    u, v = max(below, key=lambda each: each.score).outline.centre
+    u, v = below.outline.centre
     return f'mirror image of the patch at ({u:.0f}, {v:.0f}) below'
 
 

@@ -32,7 +32,7 @@ def measure(frame: Frame, judged: Sequence[Judged], threshold: float) -> Detecti
         candidate = each.candidate()
         if not each.reason:
             try:
-                seed = covered(each.description.sighting)
+                seed = covered(each.description)
                 found = _measured(frame, seed)
             except DetectionError as error:
                 candidate = replace(candidate, reason=str(error))

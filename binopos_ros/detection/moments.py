@@ -25,6 +25,22 @@ LEAST_CONTRAST = 3.0
 SQUARE = np.ones((3, 3), np.uint8)
 
 
+class Cutout(NamedTuple):
+    """The pixels about a patch, and their two colours.
+
+    core is what lies well within the patch, outer all that its edge may reach, both masks of 0 and
+    1; inside and around are mean colours, blue, green, red. corner is the cut-out's own, in the
+    pixels that it was cut from.
+    """
+
+    pixels: Picture
+    core: npt.NDArray[np.uint8]
+    outer: npt.NDArray[np.uint8]
+    inside: tuple[float, ...]
+    around: tuple[float, ...]
+    corner: tuple[int, int]
+
+
 class Moments(NamedTuple):
     """The centre, and the second central moments of what is enclosed, in pixels."""
 
@@ -40,18 +56,33 @@ def margin(factor: int) -> int:
     return math.ceil(EDGE / factor) + math.ceil(RING / factor)
 
 
-def covered(pixels: Picture, patch: npt.NDArray[np.uint8], factor: int) -> Moments:
-    """Give the moments of the share that the target covers of pixels about a patch.
+def cut_out(
+    pixels: Picture, mask: npt.NDArray[np.uint8], corner: tuple[int, int], factor: int
+) -> Cutout:
+    """Cut a patch out of pixels (height, width, 3) uint8, means over blocks of factor x factor.
 
-    pixels is (height, width, 3) uint8, the means over blocks of factor x factor; patch (height,
-    width) is 1 for those that are at least half covered. Raises DetectionError where the two
-    colours are the same or too little is covered.
+    mask is 1 for those that are at least half covered; corner is where its own lies.
     """
+    (column, row), (height, width) = corner, mask.shape
+    reach = margin(factor)
+    left, top = max(column - reach, 0), max(row - reach, 0)
+    part = pixels[top : row + height + reach, left : column + width + reach]
+    patch = np.zeros(part.shape[:2], np.uint8)
+    patch[row - top : row - top + height, column - left : column - left + width] = mask
     steps = math.ceil(EDGE / factor)
-    outer = cv2.dilate(patch, SQUARE, iterations=steps)
-    core = cv2.erode(patch, SQUARE, iterations=steps, borderValue=0)
-    blue, green, red, _ = cv2.mean(pixels, core if cv2.countNonZero(core) else patch)
-    around = cv2.mean(pixels, 1 - outer)
+    outer = np.asarray(cv2.dilate(patch, SQUARE, iterations=steps), np.uint8)
+    core = np.asarray(cv2.erode(patch, SQUARE, iterations=steps, borderValue=0), np.uint8)
+    inside = cv2.mean(part, core if cv2.countNonZero(core) else patch)
+    around = cv2.mean(part, 1 - outer)
+    return Cutout(part, core, outer, tuple(inside[:3]), tuple(around[:3]), (left, top))
+
+
+def covered(cutout: Cutout, factor: int) -> Moments:
+    """Give the moments of the share of its pixels that a patch covers.
+
+    Raises DetectionError where the two colours are the same or too little is covered.
+    """
+    pixels, core, outer, (blue, green, red), around, _ = cutout
     b, g, r = blue - around[0], green - around[1], red - around[2]
     power = b * b + g * g + r * r
     if power < LEAST_CONTRAST**2:

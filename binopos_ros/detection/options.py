@@ -11,6 +11,24 @@ from binopos_ros.parameters import option
 from .errors import DetectionError
 
 METHODS = ('subpixel', 'paper')
+SHAPES = ('any', 'disc', 'ball')
+
+
+@dataclass(frozen=True)
+class TargetOptions:
+    """What the target is. Raises DetectionError for a shape that is not known."""
+
+    shape: Literal['any', 'disc', 'ball'] = option(
+        'any',
+        'Ball: refuse outlines that are not round; disc: rank a tilted one like one that is not; '
+        'any: neither',
+        choices=SHAPES,
+    )
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            msg = f'target.shape is {self.shape!r}: choose one of {", ".join(SHAPES)}'
+            raise DetectionError(msg)
 
 
 @dataclass(frozen=True)
@@ -49,6 +67,19 @@ class DetectorOptions:
         '',
         (-1.0, 1.0),
     )
+    max_yellow: float = option(
+        0.9,
+        'Largest yellowness (G - B) / (R + G + B), carried on to a full red, less the share of it '
+        'that is left: more is a yellow or an orange thing',
+        '',
+        (0.0, 10.0),
+    )
+    max_blue: float = option(
+        0.25,
+        'Largest such yellowness below 0: more is a pink or a violet thing',
+        '',
+        (0.0, 10.0),
+    )
     min_contrast: float = option(
         0.12,
         'Smallest difference of redness between a target and its surroundings',
@@ -69,6 +100,7 @@ class DetectorOptions:
     track: bool = option(
         True, 'Search a window about the predicted place first; all of the image only when lost'
     )
+    target: TargetOptions = field(default_factory=TargetOptions)
     paper_red: int = option(
         168, 'method paper: a red pixel has R above this', 'grey levels', (0, 255)
     )

@@ -27,7 +27,10 @@ from .patches import (
 )
 
 SEARCH_WIDTH = 320
-SHAPE_SIZE = 8
+SHAPE_SIZE, SHAPE_WIDTH = 8, 5
+"""Reduced pixels that a patch must have across to show its shape: the longer side, and the mean
+width across that."""
+
 LEAST_SIDE = 3
 
 
@@ -126,8 +129,9 @@ def _at_its_scale(frame: Frame, seen: Sighting) -> Sighting | None:
     patch, _, factor, (left, top) = seen
     x0, y0, x1, y1 = patch.box
     size = max(x1 - x0, y1 - y0)
+    needed = max(SHAPE_SIZE / size, SHAPE_WIDTH * size / cv2.countNonZero(patch.mask))
     finer = factor
-    while finer > 1 and size * factor / finer < SHAPE_SIZE:
+    while finer > 1 and factor / finer < needed:
         finer //= 2
     if finer == factor:
         return seen

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import pytest
 
@@ -28,6 +29,9 @@ def _load(name: str) -> ModuleType:
 def rendered() -> Iterator[ModuleType]:
     """The independent renderer, `rendered.py` beside this file."""
     return _load('rendered')
+
+
+SIDES_OF_A_BOX = ('xmin', 'ymin', 'xmax', 'ymax')
 
 
 class Buoy(NamedTuple):
@@ -56,4 +60,30 @@ def buoys(shared_data: Path) -> list[Buoy]:
             int(row['image']) // 100 * 100,
         )
         for row in rows
+    ]
+
+
+Box = tuple[int, int, int, int]
+
+
+@pytest.fixture(scope='session')
+def decoys(shared_data: Path) -> list[tuple[int, bytes, list[Box]]]:
+    """Pictures in which something else looks red: number, JPEG, boxes about red buoys."""
+    folder = shared_data / 'robosub-decoys'
+    if not folder.is_dir():
+        pytest.skip(f'{folder} is not there: the pictures of decoys are not in this checkout')
+    return [
+        (int(path.stem), path.read_bytes(), _boxes(folder / 'Annotations' / f'{path.stem}.xml'))
+        for path in sorted((folder / 'Images').glob('*.jpg'))
+    ]
+
+
+def _boxes(path: Path) -> list[Box]:
+    if not path.is_file():
+        return []
+    found = ElementTree.parse(path).getroot().iter('object')
+    return [
+        tuple(int(float(each.findtext(f'bndbox/{side}', ''))) for side in SIDES_OF_A_BOX)  # type: ignore
+        for each in found
+        if each.findtext('name') == 'buoy_red'
     ]
