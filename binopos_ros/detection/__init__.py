@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .detector import Detector, detect
-from .disc import DiscOptions, estimate_normal, outline_offsets, to_disc_centres
+from .disc import estimate_normal
 from .errors import DetectionError
 from .images import ENCODINGS, JPEG_DECODER, Frame, JpegImage, RawImage, decode
 from .options import DetectorOptions
@@ -17,7 +17,6 @@ __all__ = [
     'DetectionError',
     'Detector',
     'DetectorOptions',
-    'DiscOptions',
     'Ellipse',
     'Frame',
     'JpegImage',
@@ -26,6 +25,4 @@ __all__ = [
     'decode',
     'detect',
     'estimate_normal',
-    'outline_offsets',
-    'to_disc_centres',
 ]

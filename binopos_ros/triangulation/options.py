@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.detection.disc import DiscOptions
-from binopos_ros.optics import FlatInterface
+from binopos_ros.optics import FlatInterface, OpticsError
+from binopos_ros.optics.disc import unit_vector
 from binopos_ros.parameters import option
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
@@ -145,6 +145,34 @@ class IndexOptions:
             calibration_std=self.calibration_std,
             epipolar_gate=epipolar_gate,
         )
+
+
+@dataclass(frozen=True)
+class DiscOptions:
+    """The target as a disc. Raises TriangulationError where a value is of no use."""
+
+    diameter: float = option(
+        0.0,
+        'Diameter of the disc; above 0, the image of its centre is used instead of the '
+        "outline's centre",
+        'm',
+        (0.0, 10.0),
+    )
+    normal: tuple[float, ...] = option(
+        (),
+        'Normal of the disc in the rig frame; left out: that of the interface, as for a disc on '
+        'the floor under a water surface',
+    )
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.diameter <= 10:
+            msg = f'target.diameter is {self.diameter}: give metres, 0 to 10'
+            raise TriangulationError(msg)
+        if self.normal:
+            try:
+                unit_vector(np.array(self.normal, float))
+            except OpticsError as error:
+                raise TriangulationError(str(error)) from None
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.detection.disc import to_disc_centres
-from binopos_ros.detection.errors import DetectionError
-from binopos_ros.optics import StereoRig
+from binopos_ros.optics import OpticsError, StereoRig
 from binopos_ros.optics.camera_info import CameraInfo, stereo_from_camera_infos
 from binopos_ros.optics.covariance_file import read_covariance
+from binopos_ros.optics.disc import to_disc_centres
 from binopos_ros.optics.uncertain_rig import UncertainRig
 from binopos_ros.pairing import Pair, PairMatcher
 from binopos_ros.sides import SIDES
@@ -180,7 +179,7 @@ class Triangulator:
         if self._options.target.diameter > 0:
             try:
                 views = self._centred(rig, views)
-            except DetectionError as error:
+            except OpticsError as error:
                 return Drop(left.stamp, str(error))
         if self._estimator is not None:
             state = self._estimator.update(rig, *views, stamp=left.stamp * 1e-9)

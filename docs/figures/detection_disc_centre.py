@@ -16,8 +16,9 @@ import matplotlib as mpl
 import numpy as np
 import rendered
 
-from binopos_ros.detection import detect, to_disc_centres
+from binopos_ros.detection import detect
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.disc import to_disc_centres
 
 mpl.use('Agg')
 import matplotlib.pyplot as plt

@@ -14,9 +14,9 @@ from binopos_ros.detection import (
     Target,
     detect,
     estimate_normal,
-    to_disc_centres,
 )
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.disc import to_disc_centres
 
 
 class Trial(NamedTuple):
