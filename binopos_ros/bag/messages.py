@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.bag.definitions import jazzy
 from binopos_ros.bag.errors import BagError
-from binopos_ros.optics.camera_info import CameraInfo, Roi
 
 COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
 IMAGE = 'sensor_msgs/msg/Image'
@@ -68,8 +67,8 @@ def image(
     )
 
 
-def camera_info(stamp_ns: int, frame_id: str, info: CameraInfo) -> Any:
-    """A camera's calibration as a message; the camera's name is not part of it."""
+def camera_info(stamp_ns: int, frame_id: str, info: Any) -> Any:
+    """A camera's calibration, an `optics.CameraInfo`, as a message; its name is not part of it."""
     return _make(
         CAMERA_INFO,
         header=_header(stamp_ns, frame_id),
@@ -89,28 +88,6 @@ def camera_info(stamp_ns: int, frame_id: str, info: CameraInfo) -> Any:
             height=info.roi.height,
             width=info.roi.width,
             do_rectify=info.roi.do_rectify,
-        ),
-    )
-
-
-def read_camera_info_message(message: Any, name: str) -> CameraInfo:
-    """The calibration in a CameraInfo message, of the camera of that name."""
-    return CameraInfo(
-        name=name,
-        width=int(message.width),
-        height=int(message.height),
-        distortion_model=str(message.distortion_model),
-        d=tuple(map(float, message.d)),
-        k=tuple(map(float, message.k)),
-        r=tuple(map(float, message.r)),
-        p=tuple(map(float, message.p)),
-        binning=(int(message.binning_x), int(message.binning_y)),
-        roi=Roi(
-            x_offset=int(message.roi.x_offset),
-            y_offset=int(message.roi.y_offset),
-            height=int(message.roi.height),
-            width=int(message.roi.width),
-            do_rectify=bool(message.roi.do_rectify),
         ),
     )
 

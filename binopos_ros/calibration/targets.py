@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from binopos_ros.bag import BagReader
-from binopos_ros.bag.messages import covariance_of, position_of, read_camera_info_message, stamp_of
+from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.sources import paired_images
 from binopos_ros.detection import Detector, JpegImage, RawImage, Target
 from binopos_ros.optics import CameraInfo
+from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.pairing import Pair, PairMatcher
 from binopos_ros.sides import SIDES
 

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Generator, Iterator, Mapping
 
 from binopos_ros.capture import CaptureError, usb
-from binopos_ros.capture.calibration import check_pair, name_fault, read_calibration
 from binopos_ros.capture.errors import DENIED
 from binopos_ros.capture.formats import ENCODINGS, JPEG_FORMATS
 from binopos_ros.capture.options import CaptureOptions
@@ -18,6 +17,7 @@ from binopos_ros.capture.usb import Camera
 from binopos_ros.cli import machine
 from binopos_ros.cli.config import Parameters, add_config_argument, existing
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
+from binopos_ros.optics.camera_info_url import check_pair, name_fault, read_calibration
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.parameters import build
 from binopos_ros.sides import SIDES
@@ -136,7 +136,7 @@ def calibration(options: CaptureOptions, reached: Mapping[str, Reached]) -> Iter
             with warnings.catch_warnings(record=True) as told:
                 warnings.simplefilter('always')
                 infos[side] = read_calibration(side, url, options.view_size)
-        except (CaptureError, OpticsError) as error:
+        except OpticsError as error:
             yield Finding(FAULT, 'calibration', str(error), 'correct the URL, or calibrate anew')
             continue
         for warning in told:
@@ -145,7 +145,7 @@ def calibration(options: CaptureOptions, reached: Mapping[str, Reached]) -> Iter
         return
     try:
         check_pair(infos['left'], infos['right'])
-    except CaptureError as error:
+    except OpticsError as error:
         yield Finding(FAULT, 'calibration', str(error))
         return
     serials = {side: one.camera.serial for side, one in reached.items() if one.camera is not None}

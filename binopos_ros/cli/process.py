@@ -20,6 +20,7 @@ from binopos_ros.cli.stereo_topics import StereoTopics
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
 from binopos_ros.detection.stage import try_decode
 from binopos_ros.optics import CameraInfo
+from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.pipeline import Dropped, Event, Located, Pipeline
 from binopos_ros.report import Report
 
@@ -129,7 +130,7 @@ def _events(
         if role == 'truth':
             report.truth.add(messages.stamp_of(message), messages.position_of(message))
         elif role == 'camera_info':
-            info = messages.read_camera_info_message(message, side)
+            info = read_camera_info_message(message, side)
             waiting.append(_Calibration(side, info))
         else:
             stamp = messages.stamp_of(message)

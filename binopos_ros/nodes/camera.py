@@ -13,7 +13,6 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 from std_srvs.srv import SetBool
 
-from binopos_ros.capture.calibration import check_pair, name_fault, read_calibration
 from binopos_ros.capture.clock import KernelToRos
 from binopos_ros.capture.errors import CaptureError
 from binopos_ros.capture.formats import (
@@ -38,6 +37,7 @@ from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.messages import header
 from binopos_ros.nodes.shell import StageNode
 from binopos_ros.optics.camera_info import CameraInfo as Calibration
+from binopos_ros.optics.camera_info_url import check_pair, name_fault, read_calibration
 from binopos_ros.sides import SIDES
 
 WATCH_PERIOD = 0.2

@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
-from binopos_ros.bag.messages import read_camera_info_message, stamp_of
+from binopos_ros.bag.messages import stamp_of
 from binopos_ros.detection import (
     Detection,
     DetectionError,
@@ -24,6 +24,7 @@ from binopos_ros.detection.stage import CameraStage, try_decode
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode
+from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.sides import SIDES
 
 OVERLAY_QUALITY = 80

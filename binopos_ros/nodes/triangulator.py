@@ -10,10 +10,11 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from sensor_msgs.msg import CameraInfo
 
-from binopos_ros.bag.messages import covariance_of, position_of, read_camera_info_message, stamp_of
+from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode
+from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.sides import SIDES
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Drop, Index, Position, Triangulator

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from binopos_ros.bag import BagError, messages
 from binopos_ros.bag.definitions import jazzy
 from binopos_ros.optics.camera_info import CameraInfo, Roi
+from binopos_ros.optics.camera_info_message import read_camera_info_message
 
 STAMP = 1_700_000_000_123_456_789
 INFO = CameraInfo(
@@ -86,7 +87,7 @@ def test_stamps_and_positions_survive(
 
 def test_calibrations_survive_to_the_last_bit() -> None:
     received = through_cdr(messages.camera_info(STAMP, 'left', INFO))
-    assert messages.read_camera_info_message(received, 'left') == INFO
+    assert read_camera_info_message(received, 'left') == INFO
 
 
 def test_covariances_land_in_the_rows_of_ros() -> None:

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from binopos_ros.bag import BagReader
-from binopos_ros.bag.messages import position_of, read_camera_info_message, stamp_of
+from binopos_ros.bag.messages import position_of, stamp_of
 from binopos_ros.optics import FlatInterface, StereoRig, stereo_from_camera_infos
+from binopos_ros.optics.camera_info_message import read_camera_info_message
 
 pytestmark = pytest.mark.xdist_group('washbowl')
 

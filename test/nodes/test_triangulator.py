@@ -10,8 +10,9 @@ import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from sensor_msgs.msg import CameraInfo
 
-from binopos_ros.bag.messages import position_of, read_camera_info_message, stamp_of
+from binopos_ros.bag.messages import position_of, stamp_of
 from binopos_ros.nodes.messages import pose_message
+from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.parameters import build
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Triangulator

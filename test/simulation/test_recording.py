@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from binopos_ros.bag import BagError, BagReader, messages
 from binopos_ros.calibration.board import Board
 from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
+from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.optics.rig_files import camera_infos_from_stereo
 from binopos_ros.simulation import PRESETS, Choices, Renderer, SimulationError, record
 from binopos_ros.simulation.presets import in_air, with_board
@@ -135,7 +136,7 @@ def test_camera_info_gives_the_rig_back(bag: Path) -> None:
     with BagReader(bag) as reader:
         for side, info in zip(('left', 'right'), infos, strict=True):
             item = next(iter(reader.messages([f'/stereo/{side}/camera_info'])))
-            assert messages.read_camera_info_message(reader.decode(item), side) == info
+            assert read_camera_info_message(reader.decode(item), side) == info
 
 
 def test_the_parameter_file_holds_the_interface(bag: Path) -> None:
@@ -223,7 +224,7 @@ def test_the_bag_in_the_repository_is_the_preset_s(project: Path) -> None:
         poses = [reader.decode(item) for item in reader.messages(['/stereo/truth/pose'])]
         assert reader.topics['/stereo/left/image_raw/compressed'].count == 150
         infos = [
-            messages.read_camera_info_message(
+            read_camera_info_message(
                 reader.decode(next(iter(reader.messages([f'/stereo/{side}/camera_info'])))), side
             )
             for side in ('left', 'right')

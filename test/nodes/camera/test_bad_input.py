@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import rclpy
 
-from binopos_ros.capture import CaptureError
+from binopos_ros.optics import OpticsError
 
 
 @pytest.mark.parametrize(
@@ -43,6 +43,6 @@ def test_a_calibration_of_another_camera_is_refused(rig, calibration):
         ((left, left), 'hold no baseline'),
         ((right, right), 'calibration of a right camera'),
     ):
-        with pytest.raises(CaptureError, match=words):
+        with pytest.raises(OpticsError, match=words):
             rig.start(**{'left.camera_info_url': urls[0], 'right.camera_info_url': urls[1]})
         rclpy.try_shutdown()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from urllib.parse import unquote
 
-from binopos_ros.capture.errors import CaptureError
 from binopos_ros.optics.camera_info import CameraInfo, read_camera_info
+from binopos_ros.optics.errors import OpticsError
 
 FILE, PACKAGE = 'file://', 'package://'
 
@@ -14,7 +14,7 @@ FILE, PACKAGE = 'file://', 'package://'
 def calibration_path(url: str) -> Path:
     """The file that a `camera_info_url` means: `file://`, `package://NAME/PATH` or a plain path.
 
-    :raises CaptureError: where the scheme or the package is unknown.
+    :raises OpticsError: where the scheme or the package is unknown.
     """
     if url.startswith(FILE):
         return Path(unquote(url.removeprefix(FILE))).expanduser()
@@ -23,14 +23,14 @@ def calibration_path(url: str) -> Path:
         return Path(_share(package, url)) / inside
     if '://' in url:
         message = f'camera_info_url {url!r}: give file://PATH, package://NAME/PATH or a path'
-        raise CaptureError(message)
+        raise OpticsError(message)
     return Path(url).expanduser()
 
 
 def read_calibration(side: str, url: str, view_size: tuple[int, int]) -> CameraInfo:
     """Read a camera's calibration and see that it is for images of this size (px).
 
-    :raises CaptureError: where it is of another size.
+    :raises OpticsError: where it is of another size.
     :raises OpticsError: where it cannot be read.
     """
     path = calibration_path(url)
@@ -42,7 +42,7 @@ def read_calibration(side: str, url: str, view_size: tuple[int, int]) -> CameraI
                 *view_size
             )
         )
-        raise CaptureError(message)
+        raise OpticsError(message)
     return info
 
 
@@ -51,26 +51,26 @@ def check_pair(left: CameraInfo, right: CameraInfo) -> None:
 
     The right camera's projection holds the baseline, P[3] = -f B; the left's holds none.
 
-    :raises CaptureError: where they are one and the same, or exchanged.
+    :raises OpticsError: where they are one and the same, or exchanged.
     """
     if left.p[3] == 0.0 == right.p[3]:
         message = (
             'the calibrations of left and right hold no baseline (P[3] is 0 in both): '
             'make them with "binopos calibrate stereo"'
         )
-        raise CaptureError(message)
+        raise OpticsError(message)
     if left.p[3] != 0.0 and right.p[3] == 0.0:
         message = (
             'left.camera_info_url is the calibration of the right camera and the other way '
             'round: exchange the two files'
         )
-        raise CaptureError(message)
+        raise OpticsError(message)
     if left.p[3] != 0.0:
         message = (
             'left.camera_info_url is the calibration of a right camera (its P[3] is not 0): name '
             'that of the left one'
         )
-        raise CaptureError(message)
+        raise OpticsError(message)
 
 
 def name_fault(info: CameraInfo, own_serial: str, other_serial: str) -> str:
@@ -93,5 +93,5 @@ def _share(package: str, url: str) -> str:
             f'camera_info_url {url!r}: no package {package!r} is found; source the workspace that '
             'holds it, or give a path'
         )
-        raise CaptureError(message) from error
+        raise OpticsError(message) from error
     return share
