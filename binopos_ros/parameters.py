@@ -20,6 +20,13 @@ class ParameterError(ValueError):
     """A parameter that is unknown, of the wrong type or out of range."""
 
 
+class UnfinishedError(ParameterError):
+    """Values that do not fit together yet: another one is missing, or has to change as well.
+
+    At the start that is an error like others; a running node waits for the rest.
+    """
+
+
 def option(
     default: Any,
     description: str,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -59,6 +60,7 @@ class Report:
     filtered: Track = field(default_factory=Track)
     truth: Track = field(default_factory=Track)
     images: Counter[str] = field(default_factory=Counter)
+    parameters: Sequence[str] = ()
 
     @property
     def seen(self) -> int:
@@ -84,6 +86,7 @@ class Report:
 
     def __str__(self) -> str:
         rows = [
+            ('parameters', ', '.join(['defaults', *self.parameters])),
             ('pairs seen', str(self.seen)),
             ('pairs used', str(len(self.raw.stamps))),
             ('poses', str(len(self.filtered.stamps))),

@@ -9,8 +9,8 @@ import pytest
 from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.bag.recording import RecorderOptions
 from binopos_ros.capture.options import CaptureOptions
-from binopos_ros.cli.config import Parameters
 from binopos_ros.detection import DetectorOptions
+from binopos_ros.node_options import Parameters
 from binopos_ros.parameters import build, specs_of
 from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 from binopos_ros.triangulation.options import TriangulatorOptions
@@ -35,7 +35,7 @@ def test_every_parameter_stands_there_with_its_default(path, node):
     specs = {}
     for options_type in OPTIONS[node]:
         specs |= specs_of(options_type)
-    values = Parameters(path).of_node(node)
+    values = Parameters([path]).of_node(node)
     unset = {name for name, spec in specs.items() if spec.default in (None, ())}
     assert set(values) == set(specs) - unset
     for name, value in values.items():
@@ -61,5 +61,5 @@ def test_every_parameter_has_a_line_of_comment(path):
 
 
 def test_the_stages_can_be_built_from_it(path):
-    values = Parameters(path)
+    values = Parameters([path])
     assert build(DetectorOptions, values.of_node('detector')) == DetectorOptions()

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ from binopos_ros.calibration.summary import summarise_interface, summarise_stere
 from binopos_ros.calibration.targets import camera_infos_of, target_pairs
 from binopos_ros.calibration.views import BoardPair, Dropped
 from binopos_ros.cli.calibrate_arguments import add_arguments
-from binopos_ros.cli.config import Parameters, config_of_bag
+from binopos_ros.cli.config import parameters_of
 from binopos_ros.cli.status_line import StatusLine
 from binopos_ros.optics import stereo_from_camera_infos
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
@@ -151,8 +152,7 @@ def _check(arguments: argparse.Namespace) -> int:
             )
         left, right, rotation, translation = stereo_from_camera_infos(*infos)
         state = RigState((Camera.of(left), Camera.of(right)), rotation, translation)
-    config = config_of_bag(arguments.config, arguments.bag)
-    parameters = Parameters(config, arguments.ros_arguments)
+    parameters = parameters_of(arguments, arguments.bag)
     options = build(TriangulatorOptions, parameters.of_node('triangulator'))
     places = zip((SHARED, LEFT_PORT, RIGHT_PORT), options.interfaces(), strict=True)
     interfaces = {place: interface for place, interface in places if interface is not None}
@@ -207,7 +207,7 @@ def _taken_live(
     import rclpy
 
     from binopos_ros.nodes.calibrator import CalibratorNode
-    from binopos_ros.nodes.shell import run
+    from binopos_ros.nodes.running import run
 
     for name in ('wanted', 'distance'):
         if not getattr(arguments, name) > 0.0:
@@ -219,8 +219,12 @@ def _taken_live(
     before = signal.signal(signal.SIGINT, lambda *_: rclpy.try_shutdown())
     try:
         run(
-            [lambda: CalibratorNode(session, lambda text: print(f'{clear}{text}', flush=True))],
-            ['--ros-args', *arguments.ros_arguments] if arguments.ros_arguments else [],
+            {
+                'calibrator': partial(
+                    CalibratorNode, session, lambda text: print(f'{clear}{text}', flush=True)
+                )
+            },
+            arguments.ros_arguments,
         )
     finally:
         signal.signal(signal.SIGINT, before)

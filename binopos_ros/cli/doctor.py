@@ -15,7 +15,7 @@ from binopos_ros.capture.options import CaptureOptions
 from binopos_ros.capture.survey import Reached, Survey, modes_of, survey
 from binopos_ros.capture.usb import Camera
 from binopos_ros.cli import machine
-from binopos_ros.cli.config import Parameters, add_config_argument, existing
+from binopos_ros.cli.config import add_config_argument, parameters_of
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
 from binopos_ros.optics.camera_info_url import check_pair, name_fault, read_calibration
 from binopos_ros.optics.errors import OpticsError
@@ -42,10 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     """Print the findings; 1 where something has to be mended, else 0."""
-    config = existing(arguments.config) if arguments.config else None
     options = None
-    if config or arguments.ros_arguments:
-        values = Parameters(config, arguments.ros_arguments).of_node('camera')
+    if arguments.config or arguments.ros_arguments:
+        values = parameters_of(arguments).of_node('camera')
         options = build(
             CaptureOptions, {name: each for name, each in values.items() if CONTROLS not in name}
         )

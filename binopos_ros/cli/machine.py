@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.util
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -16,6 +15,7 @@ from binopos_ros.capture.transport import (
 )
 from binopos_ros.capture.usb import UDEV_RULE, Camera
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
+from binopos_ros.cli.ros import REMEDY, is_installed
 
 UDEV_REMEDY = (
     f'sudo cp {UDEV_RULE} /etc/udev/rules.d/ && sudo udevadm control --reload && '
@@ -33,13 +33,8 @@ _MAXIMUM_ERROR_OFFSET = 24
 
 def ros(environment: Mapping[str, str]) -> Iterator[Finding]:
     """Whether ROS can be used."""
-    if importlib.util.find_spec('rclpy') is None:
-        yield Finding(
-            FAULT,
-            'ROS',
-            'rclpy is not there for this Python',
-            'source /opt/ros/jazzy/setup.bash, or pip install "binopos_ros[ros]"',
-        )
+    if not is_installed('rclpy'):
+        yield Finding(FAULT, 'ROS', 'rclpy is not there for this Python', REMEDY)
         return
     domain = environment.get('ROS_DOMAIN_ID') or '0'
     middleware = environment.get('RMW_IMPLEMENTATION') or 'rmw_fastrtps_cpp (default)'

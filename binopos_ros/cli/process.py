@@ -14,7 +14,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 from binopos_ros.bag import BagError, BagReader, BagWriter, messages
-from binopos_ros.cli.config import Parameters, add_config_argument, config_of_bag
+from binopos_ros.cli.config import (
+    STAGES,
+    add_calibration_argument,
+    add_config_argument,
+    calibration_of,
+    parameters_of,
+)
 from binopos_ros.cli.output import Output, Table
 from binopos_ros.cli.stereo_topics import StereoTopics
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
@@ -56,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--csv', type=Path, metavar='FILE', help='table of positions to write')
     add_config_argument(parser)
+    add_calibration_argument(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -64,9 +71,13 @@ def main(arguments: argparse.Namespace) -> int:
     _keep_memory()
     with ExitStack() as stack:
         reader = stack.enter_context(BagReader(arguments.bag))
-        topics = StereoTopics.find(reader)
-        config = config_of_bag(arguments.config, arguments.bag)
-        pipeline = Pipeline(Parameters(config, arguments.ros_arguments).by_node())
+        calibration = calibration_of(arguments)
+        topics = StereoTopics.find(reader, calibrated=bool(calibration))
+        parameters = parameters_of(arguments, arguments.bag, topics.namespace)
+        report.parameters = parameters.sources
+        pipeline = Pipeline({name: parameters.of_node(name) for name in STAGES})
+        for side, info in calibration.items():
+            pipeline.set_camera(side, info)
         writer = stack.enter_context(BagWriter(arguments.output))
         output = Output(writer, topics.namespace)
         table = Table(stack.enter_context(_opened(arguments.csv))) if arguments.csv else None

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from rclpy.parameter import Parameter
-
 from binopos_ros.bag.recording import RecorderOptions
-from binopos_ros.cli.config import add_config_argument, existing
-from binopos_ros.nodes.recorder import record
+from binopos_ros.cli.config import add_config_argument, layers, live_parameters, ros_words
+from binopos_ros.cli.ros import require_ros
 
 HELP = "record the suite's topics to a bag"
 
@@ -56,6 +54,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     """Record until told to stop; the exit status."""
+    require_ros()
+    from rclpy.parameter import Parameter
+
+    from binopos_ros.nodes.recorder import record
+
+    live_parameters(arguments).of_node('recorder')
     given = {
         'bag': arguments.output,
         'all': arguments.all or None,
@@ -64,9 +68,5 @@ def main(arguments: argparse.Namespace) -> int:
         'max_bag_size': arguments.max_bag_size,
         'max_bag_duration': arguments.max_bag_duration,
     }
-    overrides = [
-        Parameter(name, value=value) for name, value in given.items() if value is not None
-    ]
-    words = ['--params-file', str(existing(arguments.config))] if arguments.config else []
-    words += arguments.ros_arguments
-    return record(['--ros-args', *words] if words else [], parameter_overrides=overrides)
+    typed = [Parameter(name, value=value) for name, value in given.items() if value is not None]
+    return record(ros_words(layers(arguments), arguments.ros_arguments), typed)

@@ -7,7 +7,8 @@ import signal
 import sys
 import time
 
-from binopos_ros.cli.config import add_config_argument, existing
+from binopos_ros.cli.config import add_config_argument, layers, live_parameters, ros_words
+from binopos_ros.cli.ros import require_ros
 from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments
 
 HELP = 'start the nodes on the cameras of the rig and keep them up'
@@ -32,10 +33,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     """Run the verb until it is told to stop; the exit status."""
-    words = ['--params-file', str(existing(arguments.config))] if arguments.config else []
-    supervisor = Supervisor(
-        arguments.nodes, [*words, *arguments.ros_arguments], arguments.single_process
-    )
+    require_ros()
+    parameters = live_parameters(arguments)
+    for name in arguments.nodes:
+        parameters.check(name)
+    words = ros_words(layers(arguments), arguments.ros_arguments)
+    supervisor = Supervisor(arguments.nodes, words, arguments.single_process)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         supervisor.start()

@@ -19,8 +19,8 @@ class StereoTopics:
     roles: dict[str, tuple[str, str]]
 
     @classmethod
-    def find(cls, reader: BagReader) -> StereoTopics:
-        """Find the rig's images and calibrations.
+    def find(cls, reader: BagReader, calibrated: bool = False) -> StereoTopics:
+        """Find the rig's images and calibrations; without the latter where it is `calibrated`.
 
         Raises:
             BagError: a camera's images or its camera_info are missing, or there are two rigs.
@@ -44,7 +44,9 @@ class StereoTopics:
             raise BagError(msg)
         namespace = rigs[0]
         roles = found[namespace]
-        for image in (True, False):
+        if calibrated:
+            roles = {name: role for name, role in roles.items() if role[0] != 'camera_info'}
+        for image in (True,) if calibrated else (True, False):
             missing = [side for side in SIDES if side not in _sides(roles, image)]
             if missing:
                 what = 'image_raw/compressed or image_raw' if image else 'camera_info'

@@ -7,14 +7,12 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from binopos_ros.cli.transport import transport_environment
-from binopos_ros.nodes.supervised import SUPERVISED
+from binopos_ros.nodes.supervised import STARTER, SUPERVISED
 
 FIRST_PAUSE = 0.5
 LONGEST_PAUSE = 30.0
@@ -55,14 +53,12 @@ class Supervisor:
     report: Callable[[str], None] = field(default=lambda line: print(line, file=sys.stderr))
 
     def __post_init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix='binopos_')
-        words = with_node_names(self.ros_arguments, Path(self._folder.name))
-        ros_words = ['--ros-args', *words] if words else []
+        ros_words = ['--ros-args', *self.ros_arguments] if self.ros_arguments else []
         groups = [tuple(self.nodes)] if self.single_process else [(name,) for name in self.nodes]
         self.children = [
             Child(
                 ' + '.join(names),
-                [sys.executable, '-m', 'binopos_ros.nodes', *names, *ros_words],
+                [sys.executable, STARTER, *names, *ros_words],
             )
             for names in groups
         ]
@@ -121,7 +117,6 @@ class Supervisor:
                     child.process = None
                 except subprocess.TimeoutExpired:
                     continue
-        self._folder.cleanup()
 
     def _start(self, child: Child) -> None:
         child.started = time.monotonic()
@@ -132,34 +127,6 @@ class Supervisor:
             env={**os.environ, **transport_environment(), SUPERVISED: '1'},
             stdin=subprocess.DEVNULL,
         )
-
-
-def with_node_names(words: Sequence[str], folder: Path) -> list[str]:
-    """ROS arguments in which `-p NODE:NAME:=VALUE` holds in any namespace.
-
-    rcl takes NODE for a node of the root namespace; a parameter file takes `/**/NODE`. So these
-    assignments go to a file in `folder`, in the place of the first of them.
-    """
-    rest: list[str] = []
-    assignments: dict[str, list[str]] = {}
-    remaining = iter(words)
-    for word in remaining:
-        value = next(remaining, '') if word in ('-p', '--param') else ''
-        target, separator, text = value.partition(':=')
-        node, colon, name = target.rpartition(':')
-        if not (separator and colon):
-            rest += [word, value] if value else [word]
-            continue
-        if not assignments:
-            rest += ['--params-file', str(folder / 'assignments.yaml')]
-        assignments.setdefault(node.rsplit('/', 1)[-1], []).append(f'{name}: {text}')
-    if assignments:
-        blocks = [
-            f'/**/{node}: {{ros__parameters: {{{", ".join(items)}}}}}\n'
-            for node, items in assignments.items()
-        ]
-        (folder / 'assignments.yaml').write_text(''.join(blocks), encoding='utf-8')
-    return rest
 
 
 def add_supervisor_arguments(parser: argparse.ArgumentParser) -> None:

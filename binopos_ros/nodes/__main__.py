@@ -1,10 +1,18 @@
-"""`python -m binopos_ros.nodes NAME [NAME ...]`: one or more nodes composed in this process."""
+"""`python binopos_ros/nodes/__main__.py NAME [NAME ...]`: nodes composed in this process."""
 
 from __future__ import annotations
 
+import os
 import sys
 
-from binopos_ros.nodes.supervised import prepare
+# Python puts the folder of this file, or with -m the working folder, before all else; whatever
+# lies there would be imported in the place of what the nodes mean.
+_HERE = os.path.dirname(os.path.abspath(__file__))
+if sys.path[0] in (_HERE, os.getcwd()):
+    sys.path[:1] = []
+    sys.path.append(os.path.dirname(os.path.dirname(_HERE)))
+
+from binopos_ros.nodes.supervised import prepare  # noqa: E402 (the path first)
 
 prepare()
 

@@ -30,9 +30,10 @@ WAIT = 0.2  # s, in which the worker looks whether the node has ended
 class CalibratorNode(StageNode):
     """Hands the newest pair to a session, which works in its own thread at its own pace."""
 
-    def __init__(self, session: LiveSession, tell: Callable[[str], None]) -> None:
-        super().__init__('calibrator')
-        self.refuse_unknown_parameters()
+    def __init__(
+        self, session: LiveSession, tell: Callable[[str], None], **node_options: Any
+    ) -> None:
+        super().__init__('calibrator', **node_options)
         self._session, self._tell = session, tell
         self._matcher: PairMatcher[Any] = PairMatcher()
         self._overlay = self.publisher(CompressedImage, 'calibration/overlay/compressed')

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,14 +51,16 @@ class CameraNode(StageNode):
     """
 
     def __init__(
-        self, kernel: Kernel | None = None, look: Callable[[], list[Camera]] = find_cameras
+        self,
+        kernel: Kernel | None = None,
+        look: Callable[[], list[Camera]] = find_cameras,
+        **node_options: Any,
     ) -> None:
-        super().__init__('camera')
+        super().__init__('camera', **node_options)
         self._options: CaptureOptions = self.declare_options(CaptureOptions, self._configure)
         options = self._options
         self._controls = ControlParameters(self, self.get_logger().warning)
         settings = {side: self._controls.given(side) for side in (*SIDES, BOTH)}
-        self.refuse_unknown_parameters()
         self._calibrations = self._read_calibrations(options)
         self._clock_of_kernel = KernelToRos(lambda: self.get_clock().now().nanoseconds)
         self._rig = CaptureRig(options, self._on_frame, settings, kernel=kernel, look=look)
@@ -74,7 +77,7 @@ class CameraNode(StageNode):
         self._diagnostics = StageDiagnostics(self, self._hardware_id(), self._details)
         self.create_service(SetBool, 'start_capture', partial(self._on_capture, start=True))
         self.create_service(SetBool, 'stop_capture', partial(self._on_capture, start=False))
-        self.create_timer(WATCH_PERIOD, self._watch)
+        self.every(WATCH_PERIOD, self._watch)
         self._rig.start()
 
     def destroy_node(self) -> None:
@@ -181,7 +184,7 @@ class CameraNode(StageNode):
         self._watch_identities(troubles)
         if not self._rig.running:
             troubles = ['capture is stopped; call start_capture']
-        self._diagnostics.error = '; '.join(troubles)
+        self._diagnostics.errors['cameras'] = '; '.join(troubles)
         self._count()
 
     def _watch_identities(self, troubles: list[str]) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from rclpy.node import Node
 
-from binopos_ros.nodes.shell import run
+from binopos_ros.nodes.running import run
 
 #: Node -> its class.
 NODES = {
@@ -21,9 +21,9 @@ NODES = {
 }
 
 
-def node_class(name: str) -> Callable[[], Node]:
+def node_class(name: str) -> Callable[..., Node]:
     """The class of a node of the suite."""
-    factory: Callable[[], Node] = getattr(
+    factory: Callable[..., Node] = getattr(
         importlib.import_module(f'binopos_ros.nodes.{name}'), NODES[name]
     )
     return factory
@@ -39,4 +39,4 @@ def compose(arguments: Sequence[str]) -> int:
         known = ', '.join(NODES)
         print(f'binopos_ros.nodes: name nodes to run, out of {known}', file=sys.stderr)
         return 2
-    return run([node_class(name) for name in names], ros_words)
+    return run({name: node_class(name) for name in names}, ros_words)

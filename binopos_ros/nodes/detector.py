@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Any
 
 import cv2
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -33,10 +34,9 @@ OVERLAY_QUALITY = 80
 class DetectorNode(StageNode):
     """Finds the red target in the images of both cameras."""
 
-    def __init__(self) -> None:
-        super().__init__('detector')
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__('detector', **node_options)
         options = self.declare_options(DetectorOptions, self._configure)
-        self.refuse_unknown_parameters()
         self._stages = {side: CameraStage(options) for side in SIDES}
         self._newest: dict[str, Detection] = {}
         self._diagnostics = StageDiagnostics(self, 'stereo cameras', self._details)
@@ -51,7 +51,7 @@ class DetectorNode(StageNode):
                 CompressedImage, f'{side}/image_raw/compressed', partial(self._on_jpeg, side)
             )
             self.subscription(Image, f'{side}/image_raw', partial(self._on_raw, side))
-            self.subscription(
+            self.latched_subscription(
                 CameraInfo, f'{side}/camera_info', partial(self._on_camera_info, side)
             )
 
@@ -60,12 +60,12 @@ class DetectorNode(StageNode):
             stage.configure(options)
 
     def _on_camera_info(self, side: str, message: CameraInfo) -> None:
+        problem = ''
         try:
             self._stages[side].set_camera(read_camera_info_message(message, side))
         except ValueError as error:
-            self._diagnostics.error = f'{side}/camera_info cannot be used: {error}'
-        else:
-            self._diagnostics.error = ''
+            problem = f'cannot be used: {error}'
+        self._diagnostics.judge_input(f'{side}/camera_info', problem)
 
     def _on_jpeg(self, side: str, message: CompressedImage) -> None:
         self._detect(side, message, JpegImage(message.data))

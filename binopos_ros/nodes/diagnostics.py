@@ -2,37 +2,42 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from binopos_ros.nodes.neighbours import intruders
+from binopos_ros.nodes.shell import StageNode
 from binopos_ros.reasons import kind_of
 
 PERIOD = 1.0
+#: A second publisher is told within a second.
+LOOK_PERIOD = 0.5
 WINDOW = 10
 
 
 class StageDiagnostics:
-    """Counts of one stage, published on /diagnostics once per second.
+    """Counts of one stage, published on /diagnostics once per second of the machine's own time.
 
-    The level is OK while data flows, WARN in a second in which something was dropped or `fault` is
-    set, ERROR while `error` is set, and STALE while nothing comes in.
+    The level is ERROR while one of `errors`, standing problems by what they are about, is set;
+    WARN while another node gets in the way; STALE while nothing comes in; WARN in a second in
+    which something was dropped; and OK while data flows.
     """
 
     def __init__(
         self,
-        node: Node,
+        node: StageNode,
         hardware_id: str,
         details: Callable[[], Mapping[str, object]] | None = None,
     ) -> None:
         self.received: Counter[str] = Counter()
         self.published = 0
         self.dropped: Counter[str] = Counter()
-        self.error = ''
+        self.errors: dict[str, str] = {}
         self._last_drop = ''
         self._node = node
         self._name = f'{node.get_fully_qualified_name().lstrip("/")}: stage'
@@ -45,13 +50,24 @@ class StageDiagnostics:
             QoSProfile(depth=10),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
-        self._timer = node.create_timer(PERIOD, self.publish)
+        self._timers = (
+            node.every(PERIOD, self.publish),
+            node.every(LOOK_PERIOD, self._look_about),
+        )
+        self._intruders: dict[str, str] = {}
         self._remember()
 
     def drop(self, reason: str, count: int = 1) -> None:
         """Count something that this stage could not use; figures in the reason do not part it."""
         self.dropped[kind_of(reason)] += count
         self._last_drop = reason
+
+    def judge_input(self, topic: str, problem: str) -> None:
+        """Keep what is wrong with a topic's newest message, '' where it is well; log it once."""
+        told = f'{topic} {problem}' if problem else ''
+        if told and told != self.errors.get(topic):
+            self._node.get_logger().error(told)
+        self.errors[topic] = told
 
     def publish(self) -> None:
         """Publish the counts as they stand."""
@@ -79,14 +95,27 @@ class StageDiagnostics:
     def _judge(
         self, previous: tuple[float, int, int, int], now: tuple[float, int, int, int]
     ) -> tuple[bytes, str]:
-        if self.error:
-            return DiagnosticStatus.ERROR, self.error
+        errors = '; '.join(filter(None, self.errors.values()))
+        if errors:
+            return DiagnosticStatus.ERROR, errors
+        if self._intruders:
+            return DiagnosticStatus.WARN, '; '.join(self._intruders.values())
         if now[1] == previous[1]:
             return DiagnosticStatus.STALE, 'no input'
         if now[3] > previous[3]:
             return DiagnosticStatus.WARN, f'{now[3] - previous[3]} dropped: {self._last_drop}'
         return DiagnosticStatus.OK, 'running'
 
+    def _look_about(self) -> None:
+        found = intruders(self._node, self._node.sole_topics)
+        news = [told for about, told in found.items() if self._intruders.get(about) != told]
+        self._intruders = found
+        for told in news:
+            self._node.get_logger().warning(told)
+        if news:
+            self.publish()
+
     def _remember(self) -> None:
-        seconds = self._node.get_clock().now().nanoseconds * 1e-9
-        self._past.append((seconds, self.received.total(), self.published, self.dropped.total()))
+        self._past.append(
+            (time.monotonic(), self.received.total(), self.published, self.dropped.total())
+        )

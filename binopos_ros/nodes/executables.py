@@ -41,7 +41,7 @@ def recorder() -> int:
     prepare()
     from binopos_ros.nodes.recorder import record
 
-    return record()
+    return record(sys.argv[1:])
 
 
 def start(name: str) -> int:

@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
-from binopos_ros.nodes.shell import SUBSCRIBER_QOS
+from binopos_ros.nodes.shell import sensor_data
 from binopos_ros.report import Report, pose_text
 
 #: What must be published and subscribed to before the suite passes anything through.
@@ -39,9 +39,9 @@ class Monitor(Node):
         self._wall_time_of = wall_time_of
         self._counts: dict[tuple[str, str], int] = {}
         pose = PoseWithCovarianceStamped
-        self.create_subscription(pose, 'target/position', self._on_position, SUBSCRIBER_QOS)
-        self.create_subscription(pose, 'target/pose', self._on_pose, SUBSCRIBER_QOS)
-        self.create_subscription(pose, 'truth/pose', self._on_truth, SUBSCRIBER_QOS)
+        self.create_subscription(pose, 'target/position', self._on_position, sensor_data())
+        self.create_subscription(pose, 'target/pose', self._on_pose, sensor_data())
+        self.create_subscription(pose, 'truth/pose', self._on_truth, sensor_data())
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, QoSProfile(depth=20)
         )
@@ -56,6 +56,20 @@ class Monitor(Node):
         if not self.count_publishers(self._full('target/pose')):
             unconnected.append('target/pose')
         return unconnected
+
+    def second_suite(self) -> str:
+        """Whether more than one suite publishes the poses: '' or by whom."""
+        topic = self._full('target/pose')
+        names = [
+            f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+            for each in self.get_publishers_info_by_topic(topic)
+        ]
+        if len(names) < 2:
+            return ''
+        return (
+            f'{topic} is published by {len(names)} nodes: {", ".join(sorted(names))}. Another '
+            'suite runs on this ROS domain: stop it, or set another ROS_DOMAIN_ID'
+        )
 
     def heard_since(self, instant: float) -> bool:
         """Whether every node's diagnostics came after an instant of `time.monotonic`."""
@@ -87,7 +101,10 @@ class Monitor(Node):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            node = status.name.removesuffix(': stage').rpartition('/')[2]
+            namespace, _, node = f'/{status.name.removesuffix(": stage")}'.rpartition('/')
+            if namespace != self.get_namespace().rstrip('/'):
+                # Of another rig on this domain.
+                continue
             self.last_diagnostics[node] = time.monotonic()
             for item in status.values:
                 if item.key.startswith(DROPPED):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -17,10 +18,9 @@ from binopos_ros.nodes.shell import StageNode
 class PlayerNode(StageNode):
     """Plays a bag once or in a loop, and ends the process at its end."""
 
-    def __init__(self) -> None:
-        super().__init__('player')
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__('player', **node_options)
         options = self.declare_options(PlayerOptions, self._configure)
-        self.refuse_unknown_parameters()
         if not options.bag:
             message = "no bag given: set the parameter 'bag'"
             raise BagError(message)
@@ -28,7 +28,7 @@ class PlayerNode(StageNode):
         self._player = Player(self, self._reader, options)
         self._diagnostics = StageDiagnostics(self, str(self._reader.path), self._details)
         offer_controls(self, self._player)
-        self.create_timer(0.1, self._follow)
+        self.every(0.1, self._follow)
         self._player.start()
 
     def destroy_node(self) -> None:
@@ -44,7 +44,7 @@ class PlayerNode(StageNode):
     def _follow(self) -> None:
         published = self._player.published
         self._diagnostics.received['bag'] = self._diagnostics.published = published
-        self._diagnostics.error = self._player.error
+        self._diagnostics.errors['bag'] = self._player.error
         if self._player.finished.is_set():
             self.get_logger().info(f'{published} messages played')
             self.context.try_shutdown()

@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
+from collections.abc import Mapping
+from typing import NamedTuple
 
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rosgraph_msgs.msg import Clock
 
@@ -24,7 +26,7 @@ from binopos_ros.bag.playback import (
 )
 from binopos_ros.nodes.interfaces import playable_class
 from binopos_ros.nodes.offers import profile_offered
-from binopos_ros.nodes.shell import one_line
+from binopos_ros.nodes.shell import POLICIES, one_line
 
 #: What the stages subscribe to, foremost first: a bag that holds the first plays through all.
 INPUTS = (
@@ -37,11 +39,19 @@ SETTLING = 0.3
 POLL = 0.02
 
 
+class Latched(NamedTuple):
+    """A serialised message that is published once, for all who come later too."""
+
+    message_class: type
+    data: bytes
+
+
 class Player:
     """Plays a bag through publishers of a node, in a thread of its own.
 
     `start` returns at once. The thread waits for subscribers, plays, waits for acknowledgements
-    and sets `finished`. The node must not be destroyed before `stop` has returned.
+    and sets `finished`. The node must not be destroyed before `stop` has returned. `latched`
+    messages, by topic, take the place of all that the bag has on those topics.
 
     Attributes:
         counts: messages published so far, by their topic in the bag.
@@ -55,7 +65,11 @@ class Player:
     """
 
     def __init__(
-        self, node: Node, reader: BagReader, options: PlayerOptions | None = None
+        self,
+        node: Node,
+        reader: BagReader,
+        options: PlayerOptions | None = None,
+        latched: Mapping[str, Latched] | None = None,
     ) -> None:
         self.options = options or PlayerOptions()
         self.counts: Counter[str] = Counter()
@@ -69,7 +83,9 @@ class Player:
         self._changed = threading.Condition()
         self._stopped = False
         self._steps = 0
+        self._latched = latched or {}
         self._publishers = self._make_publishers()
+        self._offer_latched()
         self._clock = (
             node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
             if self.options.clock > 0
@@ -145,6 +161,8 @@ class Player:
     def _make_publishers(self) -> dict[str, Publisher]:
         publishers: dict[str, Publisher] = {}
         for topic in chosen_topics(self._reader, self.options.topics):
+            if absolute(topic) in self._latched:
+                continue
             info = self._reader.topics[topic]
             message_class, reason = playable_class(info)
             if message_class is not None:
@@ -153,7 +171,7 @@ class Player:
                         message_class,
                         self.options.published_name(topic),
                         profile_offered(info.qos),
-                        qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                        qos_overriding_options=QoSOverridingOptions(POLICIES),
                     )
                 except InvalidTopicNameException as error:
                     reason = f'its name is invalid: {one_line(error)}'
@@ -165,6 +183,15 @@ class Player:
             message = f'{self._reader.path}: nothing to play ({reasons or "no topics"})'
             raise BagError(message)
         return publishers
+
+    def _offer_latched(self) -> None:
+        profile = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+        self._keepers = [
+            (self._node.create_publisher(kind, self.options.published_name(topic), profile), data)
+            for topic, (kind, data) in self._latched.items()
+        ]
+        for publisher, data in self._keepers:
+            publisher.publish(data)
 
     def _run(self) -> None:
         try:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.event_handler import QoSMessageLostInfo, SubscriptionEventCallbacks
+from rclpy.parameter import Parameter
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from binopos_ros.bag import BagError
@@ -15,7 +16,8 @@ from binopos_ros.bag.recording import RecorderOptions, Recording
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.interfaces import installed_class
 from binopos_ros.nodes.offers import offer_of, profile_requested
-from binopos_ros.nodes.shell import StageNode, run
+from binopos_ros.nodes.running import run
+from binopos_ros.nodes.shell import StageNode
 from binopos_ros.sides import SIDES
 
 #: The suite's topics, relative to the node's namespace.
@@ -47,7 +49,6 @@ class RecorderNode(StageNode):
         super().__init__('recorder', **options)
         self.failure = ''
         settings: RecorderOptions = self.declare_options(RecorderOptions, lambda _: None)
-        self.refuse_unknown_parameters()
         if not settings.bag:
             message = "no bag given: set the parameter 'bag' to the folder to make"
             raise BagError(message)
@@ -58,7 +59,7 @@ class RecorderNode(StageNode):
         self._lost: dict[str, int] = {}
         self._recording = Recording(settings)
         self._diagnostics = StageDiagnostics(self, settings.bag, self._details)
-        self.create_timer(DISCOVERY, self._look)
+        self.every(DISCOVERY, self._look)
         self.get_logger().info(f'recording to {settings.bag}')
 
     def destroy_node(self) -> None:
@@ -78,7 +79,7 @@ class RecorderNode(StageNode):
 
     def _look(self) -> None:
         if self._recording.failure:
-            self._diagnostics.error = self._recording.failure
+            self._diagnostics.errors['bag'] = self._recording.failure
             self._diagnostics.publish()
             self.context.try_shutdown()
             return
@@ -154,15 +155,20 @@ def _definition(type_name: str, offers: Sequence[TopicEndpointInfo]) -> Definiti
     return installed_definition(type_name, type_hash)
 
 
-def record(arguments: Sequence[str] | None = None, **options: Any) -> int:
-    """Run a recorder, made with these options; the exit status, 1 where recording broke off."""
+def record(words: Sequence[str], typed: Sequence[Parameter] = ()) -> int:
+    """Run a recorder; the exit status, 1 where recording broke off.
+
+    Args:
+        words: those after `--ros-args`.
+        typed: parameters that go over them.
+    """
     nodes: list[RecorderNode] = []
 
-    def recorder() -> RecorderNode:
-        nodes.append(RecorderNode(**options))
+    def recorder(parameter_overrides: Sequence[Parameter]) -> RecorderNode:
+        nodes.append(RecorderNode(parameter_overrides=[*parameter_overrides, *typed]))
         return nodes[0]
 
-    status = run([recorder], arguments)
+    status = run({'recorder': recorder}, words)
     for node in nodes:
         # Its logger went down with the context.
         print(node.summary(), flush=True)

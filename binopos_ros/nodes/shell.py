@@ -1,51 +1,55 @@
-"""What every node of the suite shares: parameters from options, quality of service, spinning.
+"""What every node of the suite shares: parameters from options, quality of service, timers.
 
 Parameters mirror the options dataclasses of the rooms (see `binopos_ros.parameters`). A change at
-run time is judged as a whole by building the new options, and takes effect in the same call.
+run time is judged as a whole by building the new options, and takes effect in the same call; one
+that fits only together with another, as the layers of an interface do, waits for that other one.
 """
 
 from __future__ import annotations
 
-import signal
-import sys
-import threading
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
-import rclpy
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
+    ParameterException,
     ParameterUninitializedException,
 )
-from rclpy.executors import ExternalShutdownException
-from rclpy.experimental.events_executor import EventsExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, QoSReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.signals import SignalHandlerOptions
+from rclpy.qos import QoSDurabilityPolicy, QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
-from binopos_ros.parameters import ParameterError, ParameterSpec, build, refuse_unknown, specs_of
-
-RCLError = rclpy_implementation.RCLError
+from binopos_ros.parameters import (
+    ParameterError,
+    ParameterSpec,
+    UnfinishedError,
+    build,
+    specs_of,
+)
 
 NAMESPACE = 'stereo'
 #: Enough for a stage that is held up for a second at 30 Hz.
 DEPTH = 30
-#: Seconds after which a signal is heeded at the latest.
-SIGNAL_LATENCY = 0.1
-PUBLISHER_QOS = QoSProfile(depth=DEPTH)
-SUBSCRIBER_QOS = QoSProfile(depth=DEPTH, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+#: What `qos_overrides.TOPIC.subscription.*` and `.publisher.*` may change.
+POLICIES = (
+    QoSPolicyKind.HISTORY,
+    QoSPolicyKind.DEPTH,
+    QoSPolicyKind.RELIABILITY,
+    QoSPolicyKind.DURABILITY,
+)
+QOS_OVERRIDES = 'qos_overrides.'
 
 _TYPES = {
     bool: Parameter.Type.BOOL,
@@ -63,72 +67,105 @@ class StageNode(Node):
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, namespace=NAMESPACE, **options)
-        self._declared: list[tuple[type, str, Callable[[Any], None]]] = []
+        self._declared: list[_Declared] = []
+        #: Full names of the topics that only one node should publish.
+        self.sole_topics: set[str] = set()
+        self.add_pre_set_parameters_callback(self._with_kinds)
         self.add_on_set_parameters_callback(self._judge_change)
         self.add_post_set_parameters_callback(self._apply_change)
 
     def declare_options(
-        self, options_type: type, apply: Callable[[Any], None], prefix: str = ''
+        self,
+        options_type: type,
+        apply: Callable[[Any], None],
+        judge: Callable[[Any], object] = lambda _: None,
     ) -> Any:
         """Declare one parameter per option and return the options as the user set them.
 
-        `apply` receives the new options whenever a change at run time has been accepted.
+        `apply` receives the new options whenever a change at run time has been accepted; before
+        that, `judge` raises a ValueError where they cannot be used.
 
         Raises:
             ParameterError: a value has the wrong type or is out of range.
         """
-        specs = specs_of(options_type, prefix)
+        specs = specs_of(options_type)
         for spec in specs.values():
             self._declare(spec)
-        options = build(options_type, self._values(specs), prefix)
-        self._declared.append((options_type, prefix, apply))
+        options = build(options_type, self._values(specs))
+        self._declared.append(_Declared(options_type, apply, judge))
         return options
 
-    def refuse_unknown_parameters(self) -> None:
-        """To be called once everything is declared: refuse overrides that no parameter takes.
-
-        Raises:
-            ParameterError: an override names an unknown parameter.
-        """
-        declared = {name for name in self._parameters if not name.startswith('qos_overrides.')}
-        given = [name for name in self._parameter_overrides if not name.startswith('qos_over')]
-        refuse_unknown(given, declared)
+    def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
+        """A timer of the machine's own time, which runs on where /clock stands or is absent."""
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        return self.create_timer(seconds, callback, clock=clock)
 
     def publisher(self, message_type: type, topic: str) -> Publisher:
-        """A reliable publisher whose quality of service can be overridden by parameters."""
-        return self.create_publisher(
-            message_type,
-            topic,
-            PUBLISHER_QOS,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        """A reliable publisher whose quality of service can be overridden by parameters.
+
+        Raises:
+            ParameterError: an override cannot be used.
+        """
+        return self._overridable(
+            topic, self.create_publisher, message_type, topic, QoSProfile(depth=DEPTH)
         )
 
     def subscription(
-        self, message_type: type, topic: str, callback: Callable[[Any], None], **options: Any
+        self,
+        message_type: type,
+        topic: str,
+        callback: Callable[[Any], None],
+        sole: bool = True,
+        **options: Any,
     ) -> Subscription:
-        """A sensor-data subscription whose quality of service can be overridden by parameters."""
-        return self.create_subscription(
-            message_type,
-            topic,
-            callback,
-            SUBSCRIBER_QOS,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-            **options,
+        """A sensor-data subscription whose quality of service can be overridden by parameters.
+
+        A second publisher is reported where the topic should have a `sole` one.
+
+        Raises:
+            ParameterError: an override cannot be used.
+        """
+        if sole:
+            self.sole_topics.add(self.resolve_topic_name(topic))
+        profile = sensor_data()
+        return self._overridable(
+            topic, self.create_subscription, message_type, topic, callback, profile, **options
         )
+
+    def latched_subscription(
+        self, message_type: type, topic: str, callback: Callable[[Any], None]
+    ) -> None:
+        """As `subscription`, and what latched publishers sent before this node was there.
+
+        A subscription that asks for what was sent before does not hear publishers that do not keep
+        it, so there are two; from a latched publisher every message comes twice.
+        """
+        self.subscription(message_type, topic, callback)
+        latched = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(message_type, topic, callback, latched)
+
+    def _overridable(
+        self, topic: str, create: Callable[..., Any], *arguments: Any, **options: Any
+    ) -> Any:
+        """What `create` makes with the overrides; the profile is written into, so not shared."""
+        overriding = QoSOverridingOptions(POLICIES)
+        full_name = self.resolve_topic_name(topic)
+        try:
+            made = create(*arguments, qos_overriding_options=overriding, **options)
+        except (RuntimeError, ParameterException, InvalidQosOverridesError) as error:
+            msg = f'{QOS_OVERRIDES}{full_name} cannot be used: {one_line(error)}'
+            raise ParameterError(msg) from error
+        kind = 'publisher' if isinstance(made, Publisher) else 'subscription'
+        prefix = f'{QOS_OVERRIDES}{full_name}.{kind}.'
+        for name in self._parameter_overrides:
+            if name.startswith(prefix) and not self.has_parameter(name):
+                known = ', '.join(policy.name.lower() for policy in POLICIES)
+                msg = f'unknown parameter {name!r}: the policies are {known}'
+                raise ParameterError(msg)
+        return made
 
     def _declare(self, spec: ParameterSpec) -> None:
         kind: Any = (tuple, spec.element) if spec.kind is tuple else spec.kind
-        descriptor = ParameterDescriptor(
-            name=spec.name, description=_description(spec), read_only=spec.read_only
-        )
-        if spec.limits is not None and kind is float:
-            low, high = spec.limits
-            descriptor.floating_point_range = [
-                FloatingPointRange(from_value=float(low), to_value=float(high))
-            ]
-        elif spec.limits is not None and kind is int:
-            low, high = spec.limits
-            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
         default = spec.default
         if default is None or default == ():
             # Unset, but of a known type: an empty list would be taken for bytes.
@@ -137,8 +174,18 @@ class StageNode(Node):
             default = list(default)
         elif kind is float:
             default = float(default)
+        is_unset = isinstance(default, Parameter.Type)
         try:
+            # What is read-only could not get its empty list afterwards.
+            descriptor = _descriptor(spec, read_only=spec.read_only and not is_unset)
             self.declare_parameter(spec.name, default, descriptor)
+            if is_unset and spec.kind is tuple:
+                # A parameter without a value would keep all others from being asked for.
+                if self.get_parameter_or(spec.name).type_ == Parameter.Type.NOT_SET:
+                    self.set_parameters([Parameter(spec.name, default, [])])
+                final = _descriptor(spec, spec.read_only)
+                final.type = default.value
+                self.set_descriptor(spec.name, final)
         except InvalidParameterTypeException as error:
             msg = f'{error}; write a number with its decimal point where one is wanted'
             raise ParameterError(msg) from error
@@ -159,98 +206,59 @@ class StageNode(Node):
                 values[name] = None
         return values
 
-    def _changed(self, options_type: type, prefix: str, changes: dict[str, Any]) -> Any:
-        specs = specs_of(options_type, prefix)
-        mine = {name: value for name, value in changes.items() if name in specs}
-        if not mine:
-            return None
-        return build(options_type, self._values(specs) | mine, prefix)
+    def _with_kinds(self, parameters: list[Parameter]) -> list[Parameter]:
+        """Empty lists, of which ROS's tools do not know what they are empty of, by their kind."""
+        return [
+            Parameter(each.name, Parameter.Type(self.describe_parameter(each.name).type), [])
+            if self.has_parameter(each.name) and is_empty_list(each.value)
+            else each
+            for each in parameters
+        ]
+
+    def _changed(self, declared: _Declared, parameters: list[Parameter]) -> Any:
+        specs = specs_of(declared.options_type)
+        mine = {each.name: each.value for each in parameters if each.name in specs}
+        return build(declared.options_type, self._values(specs) | mine) if mine else None
 
     def _judge_change(self, parameters: list[Parameter]) -> SetParametersResult:
-        changes = {parameter.name: parameter.value for parameter in parameters}
         try:
-            for options_type, prefix, _ in self._declared:
-                self._changed(options_type, prefix, changes)
-        except ValueError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            for declared in self._declared:
+                options = self._changed(declared, parameters)
+                if options is not None:
+                    declared.judge(options)
+        except UnfinishedError:
+            # The rest may come with the next change.
+            return SetParametersResult(successful=True)
+        except (ValueError, OSError) as error:
+            return SetParametersResult(successful=False, reason=one_line(error))
         return SetParametersResult(successful=True)
 
     def _apply_change(self, parameters: list[Parameter]) -> None:
-        changes = {parameter.name: parameter.value for parameter in parameters}
-        for options_type, prefix, apply in self._declared:
-            options = self._changed(options_type, prefix, changes)
-            if options is not None:
-                apply(options)
+        for declared in self._declared:
+            try:
+                options = self._changed(declared, parameters)
+                if options is not None:
+                    declared.apply(options)
+            except (ValueError, OSError) as error:
+                self.get_logger().warning(f'not in force yet: {one_line(error)}')
 
 
-def stop_on_signals() -> threading.Event:
-    """The event that SIGINT and SIGTERM set from now on.
+class _Declared(NamedTuple):
+    """Options whose parameters a node has declared, and what becomes of a change."""
 
-    rclpy's own handlers end the context under callbacks that are just publishing; with this, ROS
-    ends when nothing runs any more. To be called before `rclpy.init`, which then takes
-    `SignalHandlerOptions.NO`.
-    """
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    return stop
+    options_type: type
+    apply: Callable[[Any], None]
+    judge: Callable[[Any], object]
 
 
-def spin(nodes: Sequence[Node], stop: threading.Event) -> None:
-    """Run the nodes until `stop` is set or their context is shut down."""
-    executor = EventsExecutor()
-    for node in nodes:
-        executor.add_node(node)
-    try:
-        # EventsExecutor.spin() never returns in the wheels of rclpy 7.1; spin_once does.
-        while rclpy.ok() and not stop.is_set():
-            executor.spin_once(timeout_sec=SIGNAL_LATENCY)
-    finally:
-        executor.shutdown()
+def sensor_data() -> QoSProfile:
+    """What a stage asks for; a profile of its own for each, as rclpy writes overrides into it."""
+    return QoSProfile(depth=DEPTH, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 
 
-def run(factories: Sequence[Callable[[], Node]], arguments: Sequence[str] | None = None) -> int:
-    """Run nodes in this process until SIGINT or SIGTERM; the process's exit status.
-
-    0 after a signal, 2 with one line on stderr where a parameter is refused.
-    """
-    nodes: list[Node] = []
-    stop = stop_on_signals()
-    try:
-        rclpy.init(
-            args=list(arguments) if arguments is not None else None,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        for factory in factories:
-            nodes.append(_built(factory))
-        spin(nodes, stop)
-    except ExternalShutdownException:
-        # A node has ended the context itself: the player at the end of its bag.
-        return 0
-    except _RefusedError as error:
-        print(error, file=sys.stderr)
-        return 2
-    except RCLError as error:
-        print(f'binopos_ros: the ROS arguments are refused: {one_line(error)}', file=sys.stderr)
-        return 2
-    finally:
-        for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
-
-
-class _RefusedError(Exception):
-    """A node that cannot start with the parameters it was given."""
-
-
-def _built(factory: Callable[[], Node]) -> Node:
-    try:
-        return factory()
-    except (ValueError, OSError) as error:
-        name = factory.__name__.removesuffix('Node').lower()
-        msg = f'{name}: {one_line(error)}'
-        raise _RefusedError(msg) from error
+def is_empty_list(value: Any) -> bool:
+    """Whether a parameter's value is a list without items."""
+    return hasattr(value, '__len__') and not isinstance(value, str) and len(value) == 0
 
 
 def one_line(error: BaseException) -> str:
@@ -258,6 +266,17 @@ def one_line(error: BaseException) -> str:
     return ' '.join(str(error).split())
 
 
-def _description(spec: ParameterSpec) -> str:
+def _descriptor(spec: ParameterSpec, read_only: bool) -> ParameterDescriptor:
     choices = f' ({", ".join(spec.choices)})' if spec.choices else ''
-    return spec.description + choices
+    descriptor = ParameterDescriptor(
+        name=spec.name, description=spec.description + choices, read_only=read_only
+    )
+    if spec.limits is not None:
+        low, high = spec.limits
+        if spec.kind is float:
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(low), to_value=float(high))
+            ]
+        elif spec.kind is int:
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+    return descriptor

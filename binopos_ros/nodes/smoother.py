@@ -21,13 +21,12 @@ from binopos_ros.smoothing.stage import Pose, Smoother, SmootherOptions, filter_
 class SmootherNode(StageNode):
     """Smooths positions with a filter and publishes pose, odometry and markers."""
 
-    def __init__(self) -> None:
-        super().__init__('smoother')
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__('smoother', **node_options)
         self._options = self.declare_options(SmootherOptions, self._configure)
         self._filter_options = self.declare_options(
             filter_options_type(self._options.method), self._configure_filter
         )
-        self.refuse_unknown_parameters()
         self._frame_id = ''
         self._timer: Timer | None = None
         self._build()

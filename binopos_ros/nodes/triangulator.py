@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from functools import partial
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
@@ -23,38 +24,35 @@ from binopos_ros.triangulation.stage import Centroid, Drop, Index, Position, Tri
 class TriangulatorNode(StageNode):
     """Triangulates pairs of centroids along the bent rays."""
 
-    def __init__(self) -> None:
-        super().__init__('triangulator')
-        options = self.declare_options(TriangulatorOptions, self._configure)
-        self.refuse_unknown_parameters()
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__('triangulator', **node_options)
+        options = self.declare_options(TriangulatorOptions, self._configure, self._judge)
         self._triangulator = Triangulator(options)
         self._newest: Index | None = None
         self._diagnostics = StageDiagnostics(self, 'stereo rig', self._details)
         self._position = self.publisher(PoseWithCovarianceStamped, 'target/position')
         self._index = self.publisher(Vector3Stamped, 'target/refractive_index')
         for side in SIDES:
-            self.subscription(
+            self.latched_subscription(
                 CameraInfo, f'{side}/camera_info', partial(self._on_camera_info, side)
             )
             self.subscription(
                 PoseWithCovarianceStamped, f'{side}/centroid', partial(self._on_centroid, side)
             )
 
+    def _judge(self, options: TriangulatorOptions) -> None:
+        self._triangulator.check(options)
+
     def _configure(self, options: TriangulatorOptions) -> None:
         self._triangulator.configure(options)
 
     def _on_camera_info(self, side: str, message: CameraInfo) -> None:
+        problem = ''
         try:
             self._triangulator.set_camera(side, read_camera_info_message(message, side))
         except ValueError as error:
-            self._refuse(f'{side}/camera_info cannot be used: {error}')
-        else:
-            self._diagnostics.error = ''
-
-    def _refuse(self, problem: str) -> None:
-        if problem != self._diagnostics.error:
-            self.get_logger().error(problem)
-        self._diagnostics.error = problem
+            problem = f'cannot be used: {error}'
+        self._diagnostics.judge_input(f'{side}/camera_info', problem)
 
     def _on_centroid(self, side: str, message: PoseWithCovarianceStamped) -> None:
         self._diagnostics.received[f'{side}/centroid'] += 1

@@ -63,6 +63,8 @@ def read_covariance(path: Path) -> ParameterCovariance:
     Raises:
         OpticsError: it cannot be read, or is no covariance.
     """
+    if path.exists() and not path.is_file():
+        raise OpticsError(f'cannot read the covariance {path}: it is no file')
     try:
         data: Any = yaml.load(
             path.read_text(encoding='utf-8'), getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
@@ -70,7 +72,7 @@ def read_covariance(path: Path) -> ParameterCovariance:
     except OSError as error:
         msg = f'cannot read the covariance {path}: {error.strerror}'
         raise OpticsError(msg) from None
-    except (yaml.YAMLError, UnicodeDecodeError):
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
         raise OpticsError(f'{path} is not valid YAML: calibrate again') from None
     try:
         names = tuple(str(name) for name in data['names'])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.optics import FlatInterface, OpticsError
 from binopos_ros.optics.disc import unit_vector
-from binopos_ros.parameters import option
+from binopos_ros.parameters import UnfinishedError, option
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.index import IndexEstimator
@@ -39,15 +39,22 @@ class InterfaceOptions:
         """The interface, or None where nothing was given.
 
         Raises:
-            TriangulationError: the interface is half given.
-            OpticsError: its values make no interface.
+            UnfinishedError: the interface is half given.
+            TriangulationError, OpticsError: its values make no interface.
         """
         if not self.indices and not self.normal:
             return None
         if not self.indices or not self.normal:
             missing = 'indices' if self.normal else 'normal'
             msg = f'{name}.{missing} is missing: give {name}.normal and {name}.indices together'
-            raise TriangulationError(msg)
+            raise UnfinishedError(msg)
+        if len(self.thicknesses) != len(self.indices) - 2 and len(self.indices) > 1:
+            msg = (
+                f'{name}.indices has {len(self.indices)} media and {name}.thicknesses '
+                f'{len(self.thicknesses)} layers between them: give two more indices than '
+                'thicknesses'
+            )
+            raise UnfinishedError(msg)
         interface = FlatInterface(self.normal, self.distance, self.indices, self.thicknesses)
         if interface.normal[2] <= 0:
             msg = (
@@ -94,8 +101,8 @@ class IndexOptions:
         'px',
         (0.0, 10.0),
     )
-    target_depth: float | None = option(
-        None, 'depth of the target beyond the last surface, where it is known', 'm', (0.001, 100.0)
+    target_depth: float = option(
+        0.0, 'depth of the target beyond the last surface; 0: not known', 'm', (0.0, 100.0)
     )
     target_depth_std: float = option(0.001, 'standard deviation of that depth', 'm', (1e-6, 10.0))
 
@@ -131,7 +138,7 @@ class IndexOptions:
             )
             mean, std = computed.mean, computed.std
         plane = None
-        if self.target_depth is not None:
+        if self.target_depth > 0:
             if interface is None:
                 msg = 'index.target_depth needs a shared interface: give interface.*'
                 raise TriangulationError(msg)
@@ -250,11 +257,12 @@ class TriangulatorOptions:
         """The shared interface, the left port and the right port.
 
         Raises:
-            TriangulationError, OpticsError: one of them is half given or impossible.
+            UnfinishedError: one of them is half given.
+            TriangulationError, OpticsError: one of them is impossible.
         """
         left = self.left_port.build('left_port')
         right = self.right_port.build('right_port')
         if (left is None) != (right is None):
             msg = 'left_port and right_port go together: give both or neither'
-            raise TriangulationError(msg)
+            raise UnfinishedError(msg)
         return self.interface.build('interface'), left, right

@@ -22,7 +22,7 @@ from binopos_ros.optics.disc import to_disc_centres
 from binopos_ros.optics.uncertain_rig import UncertainRig
 from binopos_ros.pairing import Pair, PairMatcher
 from binopos_ros.sides import SIDES
-from binopos_ros.triangulation.index import DIFFERENT_POINTS
+from binopos_ros.triangulation.index import DIFFERENT_POINTS, IndexEstimator
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.skew import Movement, Sample, Track
 from binopos_ros.triangulation.triangulate import triangulate
@@ -111,6 +111,14 @@ class Triangulator:
         if options.pair_tolerance != before.pair_tolerance:
             self._matcher = _matcher(options)
 
+    def check(self, options: TriangulatorOptions) -> None:
+        """See whether these options make a rig with the calibrations that are here.
+
+        Raises:
+            TriangulationError, OpticsError: they do not.
+        """
+        _rig_of(options, self._infos)
+
     @property
     def rig(self) -> StereoRig | None:
         """The rig, or None while a calibration is missing."""
@@ -152,17 +160,7 @@ class Triangulator:
 
     def _build(self, options: TriangulatorOptions, infos: dict[str, CameraInfo]) -> None:
         """Take options and calibrations together, or, where they make no rig, neither."""
-        path = options.calibration_covariance
-        calibration = read_covariance(Path(path)) if path else None
-        rig, covariance = None, None
-        if len(infos) == len(SIDES):
-            cameras = stereo_from_camera_infos(infos['left'], infos['right'])
-            kind = StereoRig if calibration is None else UncertainRig
-            rig = kind(*cameras, *options.interfaces())
-            if calibration is not None:
-                covariance = calibration.ordered(rig.parameter_names)
-        self._estimator = options.estimator(covariance)
-        self._rig, self._covariance = rig, covariance
+        self._rig, self._covariance, self._estimator = _rig_of(options, infos)
         self._infos, self._options = infos, options
 
     def _missing_calibration(self) -> str:
@@ -216,6 +214,22 @@ class Triangulator:
             rig.project, views[:2], found.points, normal, target.diameter
         )
         return left, right, views[2], views[3]
+
+
+def _rig_of(
+    options: TriangulatorOptions, infos: dict[str, CameraInfo]
+) -> tuple[StereoRig | None, NDArray[np.float64] | None, IndexEstimator | None]:
+    """The rig, its parameters' covariance and the estimate of the index, as far as they are."""
+    path = options.calibration_covariance
+    calibration = read_covariance(Path(path)) if path else None
+    rig, covariance = None, None
+    if len(infos) == len(SIDES):
+        cameras = stereo_from_camera_infos(infos['left'], infos['right'])
+        kind = StereoRig if calibration is None else UncertainRig
+        rig = kind(*cameras, *options.interfaces())
+        if calibration is not None:
+            covariance = calibration.ordered(rig.parameter_names)
+    return rig, covariance, options.estimator(covariance)
 
 
 def _matcher(options: TriangulatorOptions) -> PairMatcher[_Seen]:

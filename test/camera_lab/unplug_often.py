@@ -23,6 +23,7 @@ from virtual_camera.camera import VirtualCamera
 from virtual_camera.usbip import free_ports
 
 from binopos_ros.capture.usb import find_cameras
+from binopos_ros.nodes.supervised import STARTER
 
 SETTLED = 10
 """Cycles after which nothing may grow any more."""
@@ -72,7 +73,7 @@ def main(scene: Path, cycles: int) -> int:
     right = cameras[1]
     node = subprocess.Popen(
         [
-            *(sys.executable, '-m', 'binopos_ros.nodes', 'camera'),
+            *(sys.executable, STARTER, 'camera'),
             *('--ros-args', '--params-file', str(scene / 'rig.yaml')),
         ],
         stderr=subprocess.DEVNULL,

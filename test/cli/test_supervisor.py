@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from binopos_ros.nodes.supervised import STARTER
+
 pytest.importorskip('rclpy', reason='rclpy is not installed')
 
 pytestmark = pytest.mark.live
@@ -43,8 +45,8 @@ class Suite:
                 parent = int((entry / 'stat').read_text().rpartition(')')[2].split()[1])
             except (OSError, ValueError):
                 continue
-            if 'binopos_ros.nodes' in words and parent == self.process.pid:
-                found[words[words.index('binopos_ros.nodes') + 1]] = int(entry.name)
+            if STARTER in words and parent == self.process.pid:
+                found[words[words.index(STARTER) + 1]] = int(entry.name)
         return found
 
     def wait_for(self, condition: Callable[[], bool], what: str) -> None:
@@ -101,11 +103,22 @@ def test_a_node_that_is_killed_is_started_again_and_the_reason_is_told(suite):
 
 
 def test_a_node_that_refuses_its_parameters_ends_the_suite(suite):
-    running = suite('--nodes', 'detector', 'smoother', '--ros-args', '-p', 'smoother:max_jmp:=1.0')
+    words = ('-p', 'triangulator:method:=straight', '-p', 'smoother:method:=magic')
+    running = suite('--nodes', 'triangulator', 'smoother', '--ros-args', *words)
+    assert running.process.wait(PATIENCE) == 2
+    assert running.errors.startswith("binopos run: -p smoother:method:=magic: parameter 'method'")
+    assert running.errors.count('\n') == 1
+
+
+def test_a_node_that_cannot_start_on_this_machine_ends_the_suite(suite):
+    """What the verb cannot know: how the node finds the middleware and the machine."""
+    override = 'qos_overrides./stereo/left/centroid.publisher.reliability:=relaible'
+    running = suite('--nodes', 'detector', '--ros-args', '-p', f'detector:{override}')
     assert running.process.wait(PATIENCE) == 2
     lines = running.errors.splitlines()
-    assert lines[0].startswith("smoother: unknown parameter 'max_jmp'")
-    assert lines[1].startswith('binopos run: the smoother refused to start')
+    assert lines[0].startswith('detector: qos_overrides./stereo/left/centroid cannot be used')
+    assert 'relaible' in lines[0]
+    assert lines[1].startswith('binopos run: the detector refused to start')
 
 
 def test_a_supervisor_that_is_killed_leaves_no_node_behind(suite):

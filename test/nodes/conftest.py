@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 import yaml
 
+from binopos_ros.nodes.supervised import STARTER
+
 rclpy = pytest.importorskip('rclpy', reason='rclpy is not installed')
 
 PATIENCE = 20.0
@@ -39,7 +41,7 @@ class NodeProcess:
         path.write_text(yaml.safe_dump(blocks), encoding='utf-8')
         self.process = subprocess.Popen(
             [
-                *(sys.executable, '-m', 'binopos_ros.nodes', *names),
+                *(sys.executable, STARTER, *names),
                 *('--ros-args', '--params-file', str(path)),
             ],
             stdout=subprocess.PIPE,

@@ -1,0 +1,165 @@
+"""The part of `binopos replay` that needs ROS: the player and the monitor, while the nodes run."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+
+import rclpy
+from rclpy.executors import Executor
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import CameraInfo as CameraInfoMessage
+
+from binopos_ros.bag import BagReader, messages
+from binopos_ros.bag.definitions import jazzy
+from binopos_ros.bag.playback import PlayerOptions
+from binopos_ros.cli.status_line import StatusLine
+from binopos_ros.cli.stereo_topics import StereoTopics
+from binopos_ros.cli.supervisor import Supervisor
+from binopos_ros.node_options import Parameters
+from binopos_ros.nodes.monitor import Monitor
+from binopos_ros.nodes.player import offer_controls
+from binopos_ros.nodes.playing import Latched, Player
+from binopos_ros.nodes.running import overrides, stop_on_signals
+from binopos_ros.optics import CameraInfo
+from binopos_ros.report import Report
+
+#: Seconds for the nodes to come up and find each other.
+START = 30.0
+#: Seconds for their connections to settle once all of them are seen.
+SETTLE = 0.5
+#: Silence, in seconds, after which nothing more is expected; diagnostics come at 1 Hz.
+DRAIN = 1.2
+#: Seconds after which the end is the end, even where diagnostics stay away.
+LONGEST_DRAIN = 10.0
+
+
+class Replay:
+    """A bag on its way through the live nodes.
+
+    Args:
+        reader: the bag.
+        options: how it is played.
+        topics: the rig's.
+        parameters: of the nodes, the player among them.
+        calibration: camera_info by side, in the place of the bag's; empty: the bag's.
+        report: is filled.
+
+    Attributes:
+        interrupted: whether a signal ended it.
+    """
+
+    def __init__(
+        self,
+        reader: BagReader,
+        options: PlayerOptions,
+        topics: StereoTopics,
+        parameters: Parameters,
+        calibration: Mapping[str, CameraInfo],
+        report: Report,
+    ) -> None:
+        self._reader = reader
+        self._options = options
+        self._topics = topics
+        self._parameters = parameters
+        self._latched = {
+            f'{topics.namespace}/{side}/camera_info': _latched(reader.start_ns, info)
+            for side, info in calibration.items()
+        }
+        self._report = report
+        self._stop = threading.Event()
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether a signal ended it."""
+        return self._stop.is_set()
+
+    def run(self, supervisor: Supervisor) -> str:
+        """Start the nodes, play the bag, fill the report; '' or what went wrong."""
+        self._stop = stop_on_signals()
+        # Not the command line: a rule A:=B of `--remap` is the player's alone.
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            supervisor.start()
+            return self._play(supervisor)
+        finally:
+            supervisor.stop()
+            rclpy.try_shutdown()
+
+    def _play(self, supervisor: Supervisor) -> str:
+        node = rclpy.create_node(
+            'player',
+            namespace=self._topics.namespace,
+            parameter_overrides=overrides(self._parameters.given('player')),
+        )
+        player = Player(node, self._reader, self._options, self._latched)
+        offer_controls(node, player)
+        monitor = Monitor(self._topics.namespace, self._report, player.wall_time_of)
+        executor: Executor = EventsExecutor()
+        for each in (node, monitor):
+            executor.add_node(each)
+        line = StatusLine()
+        try:
+            problem = self._wait_for_nodes(executor, monitor, supervisor)
+            if not problem and not self.interrupted:
+                player.start()
+                problem = self._watch(executor, monitor, player, supervisor, line)
+        finally:
+            line.end()
+            player.stop()
+            executor.shutdown()
+            monitor.destroy_node()
+            node.destroy_node()
+        for topic, count in player.counts.items():
+            role, side = self._topics.roles.get(topic, ('', ''))
+            if role in ('compressed', 'raw'):
+                self._report.images[side] += count
+        return problem
+
+    def _wait_for_nodes(self, executor: Executor, monitor: Monitor, supervisor: Supervisor) -> str:
+        """Spin until the nodes are connected; '' or why they are not."""
+        deadline = time.monotonic() + START
+        settled: float | None = None
+        while not self.interrupted and (settled is None or time.monotonic() < settled):
+            executor.spin_once(timeout_sec=0.05)
+            if problem := supervisor.poll():
+                return problem
+            missing = monitor.missing()
+            if missing and time.monotonic() > deadline:
+                return f'the nodes did not connect within {START:g} s: {", ".join(missing)}'
+            if not missing and settled is None:
+                settled = time.monotonic() + SETTLE
+        return monitor.second_suite()
+
+    def _watch(
+        self,
+        executor: Executor,
+        monitor: Monitor,
+        player: Player,
+        supervisor: Supervisor,
+        line: StatusLine,
+    ) -> str:
+        """Spin until the bag is played and all it led to has arrived; '' or what went wrong."""
+        finished: float | None = None
+        while not self.interrupted:
+            executor.spin_once(timeout_sec=0.05)
+            if problem := supervisor.poll():
+                return problem
+            line.show(monitor.newest)
+            now = time.monotonic()
+            if not player.finished.is_set():
+                continue
+            finished = finished or now
+            newest = max(finished, monitor.last_pose)
+            if now - newest > DRAIN and monitor.heard_since(newest):
+                break
+            if now - finished > LONGEST_DRAIN:
+                break
+        return player.error
+
+
+def _latched(stamp_ns: int, info: CameraInfo) -> Latched:
+    message = messages.camera_info(stamp_ns, '', info)
+    return Latched(CameraInfoMessage, bytes(jazzy().serialize_cdr(message, messages.CAMERA_INFO)))
