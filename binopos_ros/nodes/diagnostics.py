@@ -15,8 +15,9 @@ from binopos_ros.nodes.shell import StageNode
 from binopos_ros.reasons import kind_of
 
 PERIOD = 1.0
-#: A second publisher is told within a second.
-LOOK_PERIOD = 0.5
+#: A second publisher is told within a second: when it is seen twice, as one that has just ended
+#: is known for a moment longer.
+LOOK_PERIOD = 0.35
 WINDOW = 10
 
 
@@ -54,6 +55,7 @@ class StageDiagnostics:
             node.every(PERIOD, self.publish),
             node.every(LOOK_PERIOD, self._look_about),
         )
+        self._seen: dict[str, str] = {}
         self._intruders: dict[str, str] = {}
         self._remember()
 
@@ -107,9 +109,10 @@ class StageDiagnostics:
         return DiagnosticStatus.OK, 'running'
 
     def _look_about(self) -> None:
-        found = intruders(self._node, self._node.sole_topics)
+        seen = intruders(self._node, self._node.sole_topics)
+        found = {about: told for about, told in seen.items() if self._seen.get(about) == told}
         news = [told for about, told in found.items() if self._intruders.get(about) != told]
-        self._intruders = found
+        self._seen, self._intruders = seen, found
         for told in news:
             self._node.get_logger().warning(told)
         if news:

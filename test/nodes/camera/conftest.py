@@ -20,7 +20,9 @@ from rclpy.parameter import Parameter  # noqa: E402
 
 from binopos_ros.capture import kernel as v4l2  # noqa: E402
 from binopos_ros.capture.usb import Camera  # noqa: E402
+from binopos_ros.node_options import Parameters  # noqa: E402
 from binopos_ros.nodes.camera import CameraNode  # noqa: E402
+from binopos_ros.nodes.running import overrides  # noqa: E402
 from binopos_ros.optics.camera_info import CameraInfo, write_camera_info  # noqa: E402
 
 _path = Path(__file__).parents[2] / 'capture' / 'fake_kernel.py'
@@ -74,17 +76,18 @@ class Rig:
         )
 
     def start(self, **parameters):
-        words = ['--ros-args']
+        words = []
         size = {'width': self.width, 'height': self.height}
         base = {'left.device': 'S1', 'right.device': 'S2', 'frame_timeout': 0.2, **size}
         for name, value in {**base, **parameters}.items():
             if value is not None:
                 words += [
                     '-p',
-                    f'{name}:={str(value).lower() if value in (True, False) else value}',
+                    f'camera:{name}:={str(value).lower() if value in (True, False) else value}',
                 ]
-        rclpy.init(args=words)
-        self.node = CameraNode(self.kernel, lambda: list(self.plugged))
+        given = overrides(Parameters(words=words).given('camera'))
+        rclpy.init(args=[])
+        self.node = CameraNode(self.kernel, lambda: list(self.plugged), parameter_overrides=given)
         self.executor = rclpy.executors.SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.thread = threading.Thread(target=self.executor.spin)
