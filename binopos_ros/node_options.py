@@ -38,6 +38,8 @@ OPTIONS: Mapping[str, type | None] = {
 OF_ROS: Mapping[str, type] = {'use_sim_time': bool, 'start_type_description_service': bool}
 QOS_OVERRIDES = 'qos_overrides.'
 CONTROLS = '.controls.'
+#: Parameters that name a file; where it lies beside the parameter file, its name is enough.
+FILES = ('calibration_covariance', 'left.camera_info_url', 'right.camera_info_url')
 #: Names this much alike are taken for a slip of the pen.
 ALIKE = 0.75
 
@@ -90,7 +92,7 @@ class Parameters:
         for block in blocks:
             for key, entry in block.entries.items():
                 if key in specs:
-                    values[key] = _at(entry, checked_or_none, specs[key], entry.value)
+                    values[key] = _at(entry, checked_or_none, specs[key], _located(key, entry))
                 elif _is_of_ros(key) or (name == 'camera' and CONTROLS in key):
                     values[key] = _of_ros(key, entry)
                 elif block.node in names:
@@ -157,6 +159,14 @@ def checked_or_none(spec: ParameterSpec, value: Any) -> Any:
         ParameterError: wrong type, not finite, out of range or not among the choices.
     """
     return None if value is None else checked(spec, value)
+
+
+def _located(key: str, entry: Entry) -> Any:
+    """The value; a file that lies beside the parameter file with its whole path."""
+    if key not in FILES or entry.folder is None or not isinstance(entry.value, str):
+        return entry.value
+    beside = entry.folder / entry.value
+    return str(beside.absolute()) if entry.value and beside.is_file() else entry.value
 
 
 def options_types(name: str, method: str | None = None) -> list[type]:

@@ -31,10 +31,14 @@ _NAN = {'.nan', '.NaN', '.NAN'}
 
 @dataclass(frozen=True)
 class Entry:
-    """A parameter's value, and where it was given: `FILE:LINE`, or the word."""
+    """A parameter's value, and where it was given: `FILE:LINE`, or the word.
+
+    `folder` is that of the file, where there is one.
+    """
 
     value: Any
     place: str
+    folder: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -189,6 +193,10 @@ def _at(place: str, node: yaml.Node | yaml.Event) -> str:
     return place if place.startswith('-p ') else f'{place}:{node.start_mark.line + 1}'
 
 
+def _folder(place: str) -> Path | None:
+    return None if place.startswith('-p ') else Path(place).parent
+
+
 def _blocks(place: str, prefix: str, node: yaml.MappingNode) -> Iterator[Block]:
     for key, value in node.value:
         where = _at(place, key)
@@ -219,9 +227,9 @@ def _entries(place: str, name: str, node: yaml.Node) -> Iterator[tuple[str, Entr
         if any(not isinstance(item, yaml.ScalarNode) for item in node.value):
             msg = f'{where}: {name} is a list of lists: give single values'
             raise ParameterError(msg)
-        yield name, Entry([_scalar(item) for item in node.value], where)
+        yield name, Entry([_scalar(item) for item in node.value], where, _folder(place))
         return
-    yield name, Entry(_scalar(node), where)
+    yield name, Entry(_scalar(node), where, _folder(place))
 
 
 def _scalar(node: yaml.Node) -> Any:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
@@ -21,13 +22,26 @@ def profile_offered(recorded: Sequence[Qos]) -> QoSProfile:
     return _profile(OFFERED_DEPTH, reliability != 'best_effort', durability == 'transient_local')
 
 
-def profile_requested(offers: Sequence[QoSProfile]) -> QoSProfile:
-    """What to ask for so that every publisher is heard: the most that all of them offer."""
-    return _profile(
-        REQUESTED_DEPTH,
-        all(offer.reliability == QoSReliabilityPolicy.RELIABLE for offer in offers),
-        all(offer.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for offer in offers),
-    )
+class Request(NamedTuple):
+    """What a subscription asks for; it hears publishers that offer at least that."""
+
+    reliable: bool
+    latched: bool
+
+    def profile(self) -> QoSProfile:
+        """The profile to subscribe with."""
+        return _profile(REQUESTED_DEPTH, self.reliable, self.latched)
+
+
+def requests_for(offers: Iterable[QoSProfile]) -> set[Request]:
+    """What to ask for to get from every publisher all that it offers."""
+    return {
+        Request(
+            offer.reliability == QoSReliabilityPolicy.RELIABLE,
+            offer.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL,
+        )
+        for offer in offers
+    }
 
 
 def offer_of(profile: QoSProfile) -> Qos:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
-from rclpy.event_handler import QoSMessageLostInfo, SubscriptionEventCallbacks
 from rclpy.parameter import Parameter
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -14,32 +14,39 @@ from binopos_ros.bag import BagError
 from binopos_ros.bag.definitions import Definition, definition_of, installed_definition
 from binopos_ros.bag.recording import RecorderOptions, Recording
 from binopos_ros.nodes.diagnostics import StageDiagnostics
+from binopos_ros.nodes.hearing import Hearing
 from binopos_ros.nodes.interfaces import installed_class
-from binopos_ros.nodes.offers import offer_of, profile_requested
+from binopos_ros.nodes.offers import Request, offer_of
 from binopos_ros.nodes.running import run
 from binopos_ros.nodes.shell import StageNode
+from binopos_ros.nodes.snapshot import Snapshot
 from binopos_ros.sides import SIDES
 
-#: The suite's topics, relative to the node's namespace.
-SUITE = (
-    *(
-        f'{side}/{topic}'
-        for side in SIDES
-        for topic in ('image_raw/compressed', 'image_raw', 'camera_info', 'centroid')
-    ),
-    'target/position',
-    'target/refractive_index',
-    'target/pose',
-    'target/odometry',
-    'target/markers',
-    '/diagnostics',
-)
+POSE = 'geometry_msgs/msg/PoseWithCovarianceStamped'
+#: The suite's topics, relative to the node's namespace, and their types.
+SUITE = {
+    f'{side}/{topic}': kind
+    for side in SIDES
+    for topic, kind in (
+        ('image_raw/compressed', 'sensor_msgs/msg/CompressedImage'),
+        ('image_raw', 'sensor_msgs/msg/Image'),
+        ('camera_info', 'sensor_msgs/msg/CameraInfo'),
+        ('centroid', POSE),
+    )
+} | {
+    'target/position': POSE,
+    'target/refractive_index': 'geometry_msgs/msg/Vector3Stamped',
+    'target/pose': POSE,
+    'target/odometry': 'nav_msgs/msg/Odometry',
+    'target/markers': 'visualization_msgs/msg/MarkerArray',
+    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+}
 #: Seconds between looks at what is published.
 DISCOVERY = 0.2
 
 
 class RecorderNode(StageNode):
-    """Records topics as they appear.
+    """Records the suite's topics from their first message, others as they appear.
 
     Attributes:
         failure: why recording ended by itself, '' where it did not.
@@ -54,11 +61,20 @@ class RecorderNode(StageNode):
             raise BagError(message)
         self._settings = settings
         self._wanted = {self.resolve_topic_name(topic) for topic in (settings.topics or SUITE)}
-        self._seen: set[str] = set()
+        self._refused: set[str] = set()
+        self._heard: dict[str, Hearing] = {}
+        self._types: dict[str, str] = {}
         self._recorded: set[str] = set()
         self._lost: dict[str, int] = {}
         self._recording = Recording(settings)
         self._diagnostics = StageDiagnostics(self, settings.bag, self._details)
+        self._snapshot = Snapshot(self, Path(settings.bag))
+        self._sides = {self.resolve_topic_name(f'{side}/camera_info'): side for side in SIDES}
+        for topic, type_name in SUITE.items():
+            full_name = self.resolve_topic_name(topic)
+            if full_name in self._wanted or settings.all:
+                # Before anybody publishes, so that nothing is missed while it is found.
+                self._hear(full_name, type_name).ask(Request(reliable=True, latched=False))
         self.every(DISCOVERY, self._look)
         self.get_logger().info(f'recording to {settings.bag}')
 
@@ -84,42 +100,56 @@ class RecorderNode(StageNode):
             self.context.try_shutdown()
             return
         for topic, types in self.get_topic_names_and_types():
-            if topic in self._seen or not (self._settings.all or topic in self._wanted):
+            if topic in self._refused or not (self._settings.all or topic in self._wanted):
                 continue
             offers = self.get_publishers_info_by_topic(topic)
-            if offers:
-                self._seen.add(topic)
-                self._subscribe(topic, types[0], offers)
+            if not offers:
+                continue
+            self._announce(topic, types[0], offers)
+            if topic in self._refused:
+                continue
+            heard = self._heard[topic]
+            heard.adapt(offer.qos_profile for offer in offers)
 
-    def _subscribe(self, topic: str, type_name: str, offers: Sequence[TopicEndpointInfo]) -> None:
+    def _hear(self, topic: str, type_name: str) -> Hearing:
         message_class = installed_class(type_name)
         if message_class is None:
-            self.get_logger().warning(
-                f'topic {topic} is not recorded: message type {type_name} is not installed'
-            )
+            message = f'message type {type_name} is not installed'
+            raise BagError(message)
+        self._types[topic] = type_name
+        self._heard[topic] = Hearing(
+            self, message_class, topic, self._taking(topic), self._losing(topic)
+        )
+        return self._heard[topic]
+
+    def _announce(self, topic: str, type_name: str, offers: Sequence[TopicEndpointInfo]) -> None:
+        """Make a topic known to the bag, as its publishers offer it."""
+        if topic in self._recorded:
             return
         try:
+            if topic not in self._heard or type_name != self._types[topic]:
+                self._hear(topic, type_name)
             definition = _definition(type_name, offers)
         except BagError as error:
+            self._refused.add(topic)
             self.get_logger().warning(f'topic {topic} is not recorded: {error}')
             return
         self._recorded.add(topic)
         self._recording.add_topic(
             topic, type_name, tuple(offer_of(offer.qos_profile) for offer in offers), definition
         )
-        self.create_subscription(
-            message_class,
-            topic,
-            self._taking(topic),
-            profile_requested([offer.qos_profile for offer in offers]),
-            raw=True,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=self._losing(topic)),
-        )
         self.get_logger().info(f'recording {topic}')
 
     def _taking(self, topic: str) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:
+            # The first message may be quicker than the next look about.
+            offers = [] if topic in self._recorded else self.get_publishers_info_by_topic(topic)
+            self._announce(topic, self._types[topic], offers)
+            if topic in self._refused:
+                return
             self._diagnostics.received[topic] += 1
+            if topic in self._sides:
+                self._snapshot.calibration(self._sides[topic], data)
             if self._recording.write(topic, self.get_clock().now().nanoseconds, data):
                 self._diagnostics.published += 1
             elif not self._recording.failure:
@@ -127,10 +157,10 @@ class RecorderNode(StageNode):
 
         return take
 
-    def _losing(self, topic: str) -> Callable[[QoSMessageLostInfo], None]:
-        def lose(info: QoSMessageLostInfo) -> None:
-            self._lost[topic] = self._lost.get(topic, 0) + info.total_count_change
-            self._diagnostics.drop('lost on the way', info.total_count_change)
+    def _losing(self, topic: str) -> Callable[[int], None]:
+        def lose(count: int) -> None:
+            self._lost[topic] = self._lost.get(topic, 0) + count
+            self._diagnostics.drop('lost on the way', count)
 
         return lose
 
