@@ -115,6 +115,62 @@ class Board:
             return rows % 2 == 0
         return self.kind == CIRCLES
 
+    def print(self, texels: int) -> tuple[np.ndarray, np.ndarray]:
+        """The board's print, without a margin.
+
+        Args:
+            texels: per square.
+
+        Returns:
+            (H, W) the share of each texel that is inked; (2,) the board coordinates of the upper
+            left corner (m).
+        """
+        if self.kind in (CHESSBOARD, CHARUCO):
+            # The first inner corner, the origin, lies one square inside the pattern.
+            ink = self._squares(texels) if self.kind == CHESSBOARD else self._markers(texels)
+            return ink, np.full(2, -self.square)
+        return self._discs(texels), np.full(2, -0.5 * self.square)
+
+    def aruco(self) -> Any:
+        """A ChArUco board as OpenCV's object: of a class from 4.7 on, of a function before."""
+        aruco: Any = cv2.aruco
+        dictionary = self.aruco_dictionary()
+        if hasattr(aruco, 'CharucoDetector'):
+            size = (self.columns, self.rows)
+            printed = aruco.CharucoBoard(size, self.square, self.marker, dictionary)
+            printed.setLegacyPattern(self.legacy)
+            return printed
+        return aruco.CharucoBoard_create(
+            self.columns, self.rows, self.square, self.marker, dictionary
+        )
+
+    def aruco_dictionary(self) -> Any:
+        """A ChArUco board's dictionary as OpenCV's object."""
+        aruco: Any = cv2.aruco
+        return aruco.getPredefinedDictionary(getattr(aruco, self.dictionary))
+
+    def _squares(self, texels: int) -> np.ndarray:
+        row, column = np.mgrid[: self.rows + 1, : self.columns + 1]
+        black = np.where((row + column) % 2 == 0, 1.0, 0.0)
+        return np.repeat(np.repeat(black, texels, axis=0), texels, axis=1)
+
+    def _markers(self, texels: int) -> np.ndarray:
+        size = (self.columns * texels, self.rows * texels)
+        printed = self.aruco()
+        draw = printed.generateImage if hasattr(printed, 'generateImage') else printed.draw
+        return np.where(np.asarray(draw(size)) > 127, 0.0, 1.0)
+
+    def _discs(self, texels: int) -> np.ndarray:
+        """Circles whose edge texels are grey by the share that is covered."""
+        points = self.points[:, :2] / self.square * texels + texels / 2
+        width, height = np.ceil(points.max(axis=0) + texels / 2).astype(int)
+        radius = (0.45 if self.kind == ASYMMETRIC_CIRCLES else 0.3) * texels
+        y, x = np.mgrid[:height, :width] + 0.5
+        nearest = np.full((height, width), np.inf)
+        for u, v in points:
+            nearest = np.minimum(nearest, np.hypot(x - u, y - v))
+        return np.clip(0.5 + radius - nearest, 0, 1)
+
     def __str__(self) -> str:
         return f'{self.columns}x{self.rows} {self.kind} of {1000 * self.square:g} mm'
 

@@ -28,40 +28,14 @@ def find_corners(grey: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray
     return found
 
 
-def draw(board: Board, pixels_per_square: int) -> np.ndarray:
-    """The board's picture, without a margin: (H, W) uint8."""
-    size = (board.columns * pixels_per_square, board.rows * pixels_per_square)
-    printed = _printed(board)
-    if hasattr(printed, 'generateImage'):
-        return np.asarray(printed.generateImage(size))
-    return np.asarray(printed.draw(size))
-
-
-def _dictionary(board: Board) -> Any:
-    aruco: Any = cv2.aruco
-    return aruco.getPredefinedDictionary(getattr(aruco, board.dictionary))
-
-
-def _printed(board: Board) -> Any:
-    aruco: Any = cv2.aruco
-    if hasattr(aruco, 'CharucoDetector'):
-        size = (board.columns, board.rows)
-        printed = aruco.CharucoBoard(size, board.square, board.marker, _dictionary(board))
-        printed.setLegacyPattern(board.legacy)
-        return printed
-    return aruco.CharucoBoard_create(
-        board.columns, board.rows, board.square, board.marker, _dictionary(board)
-    )
-
-
 def _detect(grey: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:
     aruco: Any = cv2.aruco
-    printed = _printed(board)
+    printed = board.aruco()
     if hasattr(aruco, 'CharucoDetector'):
         detector = aruco.CharucoDetector(printed)
         corners, indices, _, _ = detector.detectBoard(grey)
     else:
-        markers, marker_ids, _ = aruco.detectMarkers(grey, _dictionary(board))
+        markers, marker_ids, _ = aruco.detectMarkers(grey, board.aruco_dictionary())
         if marker_ids is None or len(marker_ids) == 0:
             return None
         _, corners, indices = aruco.interpolateCornersCharuco(markers, marker_ids, grey, printed)

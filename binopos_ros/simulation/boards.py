@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from binopos_ros.calibration.board import ASYMMETRIC_CIRCLES, CHARUCO, CHESSBOARD, Board
-from binopos_ros.calibration.charuco import draw as draw_charuco
 from binopos_ros.simulation.backdrop import Backdrop
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.view import View
@@ -25,6 +23,21 @@ WIDEST_TILT = np.deg2rad(45.0)
 #: Steepest angle of sight at which a board is shown: corner finders give up beyond.
 WIDEST_SIGHT = np.deg2rad(60.0)
 TRIES = 4000
+
+
+class Board(Protocol):
+    """A planar board, as `calibration` describes them; prints as the words that it is called."""
+
+    @property
+    def square(self) -> float:
+        """The side of a square, m."""
+
+    @property
+    def points(self) -> Array:
+        """(N, 3) in the board's frame: origin in the first point, z away from the viewer, m."""
+
+    def print(self, texels: int) -> tuple[Array, Array]:
+        """The share of ink per texel, and the board coordinates (m) of its upper left corner."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,39 +82,10 @@ class ShownBoard:
 
 def printed(board: Board) -> tuple[NDArray[np.float32], Array]:
     """The sheet with a board on it, and the board coordinates (m) of its upper left corner."""
-    border = round(MARGIN * TEXELS)
-    if board.kind in (CHESSBOARD, CHARUCO):
-        # The first inner corner, the origin, lies one square inside the pattern.
-        pattern = _squares(board) if board.kind == CHESSBOARD else _charuco(board)
-        corner = -(1 + MARGIN) * board.square
-    else:
-        pattern = _circles(board)
-        corner = -(0.5 + MARGIN) * board.square
-    sheet = np.pad(pattern, border, constant_values=WHITE).astype(np.float32)
-    return sheet, np.full(2, corner)
-
-
-def _squares(board: Board) -> Array:
-    row, column = np.mgrid[: board.rows + 1, : board.columns + 1]
-    colours = np.where((row + column) % 2 == 0, BLACK, WHITE)
-    return np.repeat(np.repeat(colours, TEXELS, axis=0), TEXELS, axis=1)
-
-
-def _charuco(board: Board) -> Array:
-    picture = draw_charuco(board, TEXELS)
-    return np.where(picture > 127, WHITE, BLACK)
-
-
-def _circles(board: Board) -> Array:
-    """Circles whose edge texels are grey by the share that is covered."""
-    points = board.points[:, :2] / board.square * TEXELS + TEXELS / 2
-    width, height = np.ceil(points.max(axis=0) + TEXELS / 2).astype(int)
-    radius = (0.45 if board.kind == ASYMMETRIC_CIRCLES else 0.3) * TEXELS
-    y, x = np.mgrid[:height, :width] + 0.5
-    nearest = np.full((height, width), np.inf)
-    for u, v in points:
-        nearest = np.minimum(nearest, np.hypot(x - u, y - v))
-    return WHITE + (BLACK - WHITE) * np.clip(0.5 + radius - nearest, 0, 1)
+    ink, corner = board.print(TEXELS)
+    pattern = WHITE + (BLACK - WHITE) * ink
+    sheet = np.pad(pattern, round(MARGIN * TEXELS), constant_values=WHITE).astype(np.float32)
+    return sheet, corner - MARGIN * board.square
 
 
 def scatter(

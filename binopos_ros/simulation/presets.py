@@ -9,10 +9,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.calibration.board import Board
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.simulation.backdrop import Basin, OpenWater, mottled, strew
-from binopos_ros.simulation.boards import scatter
+from binopos_ros.simulation.boards import Board, scatter
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.medium import Boundary, plane_axes
 from binopos_ros.simulation.scene import Scene
