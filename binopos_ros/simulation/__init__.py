@@ -5,7 +5,6 @@ Nothing here uses the projection of `optics`: the pictures test it.
 
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.presets import PRESETS, Choices, ports, washbowl
-from binopos_ros.simulation.recording import record
 from binopos_ros.simulation.render import Renderer
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.sensor import Sensor
@@ -26,6 +25,5 @@ __all__ = [
     'WaveSpectrum',
     'harmonic_path',
     'ports',
-    'record',
     'washbowl',
 ]

@@ -13,12 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from binopos_ros.bag import BagError, BagReader, messages
 from binopos_ros.calibration.board import Board
+from binopos_ros.cli.simulated_bag import START_NS, _quaternion, record
 from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.optics.rig_files import camera_infos_from_stereo
-from binopos_ros.simulation import PRESETS, Choices, Renderer, SimulationError, record
+from binopos_ros.simulation import PRESETS, Choices, Renderer, SimulationError
+from binopos_ros.simulation.parameters import parameter_file
 from binopos_ros.simulation.presets import in_air, with_board
-from binopos_ros.simulation.recording import START_NS, _quaternion, parameter_file
 from binopos_ros.simulation.sensor import Sensor
 
 PAIRS = 4

@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import collections
-import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.bag import BagWriter, messages
-from binopos_ros.optics import CameraInfo, write_camera_info
-from binopos_ros.optics.rig_files import (
-    camera_infos_from_stereo,
-    interface_block,
-    yaml_numbers,
-)
+from binopos_ros.optics import CameraInfo
+from binopos_ros.optics.rig_files import camera_infos_from_stereo
 from binopos_ros.sides import SIDES
 from binopos_ros.simulation.errors import SimulationError
-from binopos_ros.simulation.render import Renderer
+from binopos_ros.simulation.parameters import write_calibration
+from binopos_ros.simulation.pictures import encoded_pairs
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.sensor import bytes_per_pixel
-from binopos_ros.simulation.target import Disc
 
 Array = NDArray[np.float64]
 
@@ -84,7 +77,7 @@ def record(
             writer.add_topic(f'{NAMESPACE}/{side}/camera_info', messages.CAMERA_INFO)
         writer.add_topic(f'{NAMESPACE}/truth/pose', messages.POSE_WITH_COVARIANCE)
         write_calibration(scene, infos, Path(path))
-        for number, pictures in enumerate(_pictures(scene, pairs, seed, threads)):
+        for number, pictures in enumerate(encoded_pairs(scene, pairs, seed, threads)):
             stamp = int(stamps[number])
             for side, frame, info, data in zip(SIDES, FRAMES, infos, pictures, strict=True):
                 calibration = messages.camera_info(stamp, frame, info)
@@ -98,75 +91,6 @@ def record(
             orientation.x, orientation.y, orientation.z, orientation.w = quaternions[number]
             writer.write(f'{NAMESPACE}/truth/pose', stamp, pose)
             on_pair()
-
-
-def write_calibration(scene: Scene, infos: tuple[CameraInfo, CameraInfo], bag: Path) -> None:
-    """Write the parameter file and the camera_info files into a bag's folder, or beside it."""
-    single = bag.suffix == '.mcap'
-    folder, prefix = (bag.parent, f'{bag.stem}.') if single else (bag, '')
-    for side, info in zip(SIDES, infos, strict=True):
-        write_camera_info(folder / f'{prefix}{side}.yaml', info)
-    (folder / f'{prefix}binopos.yaml').write_text(parameter_file(scene), encoding='utf-8')
-
-
-def parameter_file(scene: Scene) -> str:
-    """The triangulator's parameters for a scene, as ROS 2 parameter file."""
-    rig = scene.rig
-    lines = [
-        '# What the cameras of this bag look through, and at. Made by `binopos simulate`.',
-        '/**/triangulator:',
-        '  ros__parameters:',
-    ]
-    blocks = {
-        'interface': (rig.interface, 'rig frame'),
-        'left_port': (rig.left_port, "left camera's frame"),
-        'right_port': (rig.right_port, "right camera's frame"),
-    }
-    for name, (interface, frame) in blocks.items():
-        if interface is not None:
-            remarks = {'normal': frame, 'distance': 'm', 'thicknesses': 'm'}
-            lines += interface_block(name, interface, remarks)
-    if not any(interface for interface, _ in blocks.values()):
-        lines.append("    method: 'straight'")
-    if isinstance(scene.target, Disc):
-        normal = scene.path.poses(0.0)[1][0]
-        lines += [
-            '    target:',
-            f'      diameter: {scene.target.diameter!r}  # m',
-            f'      normal: {yaml_numbers(normal)}  # rig frame, at the start',
-        ]
-    return '\n'.join(lines) + '\n'
-
-
-def _pictures(
-    scene: Scene, pairs: int, seed: int, threads: int | None
-) -> Iterator[tuple[bytes, bytes]]:
-    """Encoded pictures of each pair in order, rendered a few pairs ahead."""
-    threads = threads or os.cpu_count() or 1
-    times = scene.times(pairs)
-    with ThreadPoolExecutor(threads) as pool:
-        renderers = tuple(pool.map(lambda side: Renderer(scene, side), range(2)))
-
-        def render(number: int, side: int) -> bytes:
-            # A stream of its own for each picture: the order of rendering cannot matter.
-            noise = np.random.Generator(np.random.SFC64([seed, number, side]))
-            picture = renderers[side].picture(float(times[number]), noise)
-            return scene.sensor.encode(picture)
-
-        waiting: collections.deque[tuple[Future[bytes], Future[bytes]]] = collections.deque()
-        try:
-            for number in range(pairs):
-                waiting.append((pool.submit(render, number, 0), pool.submit(render, number, 1)))
-                if len(waiting) > threads + 1:
-                    left, right = waiting.popleft()
-                    yield left.result(), right.result()
-            while waiting:
-                left, right = waiting.popleft()
-                yield left.result(), right.result()
-        finally:
-            for left, right in waiting:
-                left.cancel()
-                right.cancel()
 
 
 def _picture_message(

@@ -1,0 +1,49 @@
+"""A scene's calibration and its interface, as the files that nodes and offline verbs take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from binopos_ros.optics import CameraInfo, write_camera_info
+from binopos_ros.optics.rig_files import interface_block, yaml_numbers
+from binopos_ros.sides import SIDES
+from binopos_ros.simulation.scene import Scene
+from binopos_ros.simulation.target import Disc
+
+
+def write_calibration(scene: Scene, infos: tuple[CameraInfo, CameraInfo], bag: Path) -> None:
+    """Write the parameter file and the camera_info files into a bag's folder, or beside it."""
+    single = bag.suffix == '.mcap'
+    folder, prefix = (bag.parent, f'{bag.stem}.') if single else (bag, '')
+    for side, info in zip(SIDES, infos, strict=True):
+        write_camera_info(folder / f'{prefix}{side}.yaml', info)
+    (folder / f'{prefix}binopos.yaml').write_text(parameter_file(scene), encoding='utf-8')
+
+
+def parameter_file(scene: Scene) -> str:
+    """The triangulator's parameters for a scene, as ROS 2 parameter file."""
+    rig = scene.rig
+    lines = [
+        '# What the cameras of this bag look through, and at. Made by `binopos simulate`.',
+        '/**/triangulator:',
+        '  ros__parameters:',
+    ]
+    blocks = {
+        'interface': (rig.interface, 'rig frame'),
+        'left_port': (rig.left_port, "left camera's frame"),
+        'right_port': (rig.right_port, "right camera's frame"),
+    }
+    for name, (interface, frame) in blocks.items():
+        if interface is not None:
+            remarks = {'normal': frame, 'distance': 'm', 'thicknesses': 'm'}
+            lines += interface_block(name, interface, remarks)
+    if not any(interface for interface, _ in blocks.values()):
+        lines.append("    method: 'straight'")
+    if isinstance(scene.target, Disc):
+        normal = scene.path.poses(0.0)[1][0]
+        lines += [
+            '    target:',
+            f'      diameter: {scene.target.diameter!r}  # m',
+            f'      normal: {yaml_numbers(normal)}  # rig frame, at the start',
+        ]
+    return '\n'.join(lines) + '\n'
