@@ -23,9 +23,10 @@ from binopos_ros.calibration.covariance import calibration_covariances
 from binopos_ros.calibration.gather import find_boards
 from binopos_ros.calibration.guesses import InterfaceGuess
 from binopos_ros.calibration.interface import calibrate_interface
-from binopos_ros.calibration.sources import PicturePair, open_pictures
+from binopos_ros.calibration.sources import PicturePair
 from binopos_ros.calibration.stereo import calibrate_stereo
 from binopos_ros.cli import main as binopos
+from binopos_ros.cli.calibration_bags import open_pictures
 from binopos_ros.optics import (
     FlatInterface,
     PinholeCamera,

@@ -1,26 +1,21 @@
-"""Where the pictures come from: folders, lists, bags. All give pairs of grey pictures."""
+"""Where the pictures come from: folders, lists, messages. All give pairs of grey pictures."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
-from binopos_ros.bag import BagReader
-from binopos_ros.bag.messages import stamp_of
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views import Dropped
-from binopos_ros.detection.images import RawImage, decode
-from binopos_ros.pairing import Pair, PairMatcher
+from binopos_ros.detection.images import JpegImage, RawImage, decode
 from binopos_ros.sides import SIDES
 
 SUFFIXES = ('.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp')
-TOPICS = ('image_raw/compressed', 'image_raw')
 SIDE = re.compile(r'(?<![a-z])(left|right)(?![a-z])', re.IGNORECASE)
 MONO = ('mono8', '8UC1')
 
@@ -44,21 +39,16 @@ class Pictures:
     unmatched: tuple[Dropped, ...] = ()
 
 
-def open_pictures(source: Path, interval: float = 0.0) -> Pictures:
-    """Pairs from a folder of pictures, a list of them, or a bag.
+def open_files(source: Path) -> Pictures:
+    """Pairs from a folder of pictures or a list of them.
 
     Args:
         source: a folder with left* and right* files or with sub-folders left and right; a text
-            file with two paths per line; an OpenCV XML image list, left and right by turns; a bag.
-        interval: of a bag, take pairs at least this far apart (s).
+            file with two paths per line; an OpenCV XML image list, left and right by turns.
 
     Raises:
         CalibrationError: nothing there, or nothing that makes pairs.
     """
-    if not source.exists():
-        raise CalibrationError(f'{source} does not exist: give a folder, a list or a bag')
-    if is_bag(source):
-        return _from_bag(source, interval)
     if source.is_dir():
         folders = [source / side for side in SIDES]
         if all(folder.is_dir() for folder in folders):
@@ -107,13 +97,6 @@ def folder_pair(left: Path, right: Path) -> Pictures:
         if not folder.is_dir():
             raise CalibrationError(f'{folder} is no folder of pictures')
     return match(_pictures_in(left), _pictures_in(right), f'{left} and {right}')
-
-
-def is_bag(source: Path) -> bool:
-    """Whether this is a bag."""
-    if source.is_dir():
-        return (source / 'metadata.yaml').exists() or any(source.glob('*.mcap'))
-    return '.mcap' in source.suffixes
 
 
 def _pictures_in(folder: Path) -> list[Path]:
@@ -165,72 +148,20 @@ def _from_list(path: Path) -> Pictures:
     return Pictures(tuple(_file_pair(a, b) for a, b in zip(files[::2], files[1::2], strict=True)))
 
 
-def _from_bag(path: Path, interval: float) -> Pictures:
-    pairs: list[PicturePair] = []
-    unmatched: list[Dropped] = []
-    last = -1e18
-    for outcome in paired_images(path):
-        if not isinstance(outcome, Pair):
-            unmatched.append(
-                Dropped(f'{outcome.side} picture at {outcome.stamp / 1e9:.3f}', outcome.reason)
-            )
-            continue
-        (stamp, left), (_, right) = outcome.left, outcome.right
-        if stamp / 1e9 - last < interval:
-            continue
-        last = stamp / 1e9
-        pairs.append(PicturePair(f'{stamp / 1e9:.3f}', _loader(left), _loader(right)))
-    if not pairs:
-        reason = f'; {unmatched[0]}' if unmatched else ''
-        raise CalibrationError(
-            f'{path}: no left and right pictures whose stamps agree{reason}: synchronise the '
-            'cameras, or record both'
-        )
-    return Pictures(tuple(pairs), tuple(unmatched))
-
-
-def paired_images(path: Path) -> Iterator[Any]:
-    """Pairs and leftovers of (stamp in ns, image message), as `pairing` has them."""
-    with BagReader(path) as reader:
-        sides: dict[str, str] = {}
-        for ending in TOPICS:
-            for topic in reader.topics:
-                for side in SIDES:
-                    if topic.endswith(f'{side}/{ending}') and side not in sides.values():
-                        sides[topic] = side
-        if len(sides) != 2:
-            raise CalibrationError(
-                f'{path} holds no pictures of both cameras: topics .../left/{TOPICS[0]} and '
-                f'.../right/{TOPICS[0]} (or {TOPICS[1]}) are needed'
-            )
-        matcher: PairMatcher[tuple[int, Any]] = PairMatcher()
-        for record in reader.messages(topics=list(sides)):
-            message = reader.decode(record)
-            stamp = stamp_of(message)
-            yield from matcher.add(sides[record.topic], stamp, (stamp, message))
-
-
-def _loader(message: Any) -> Load:
-    return lambda: grey_picture(message)
-
-
-def grey_picture(message: Any) -> np.ndarray:
-    """(H, W) uint8 of a CompressedImage or Image message.
+def grey_picture(image: JpegImage | RawImage, stamp: int) -> np.ndarray:
+    """(H, W) uint8 of a camera's image, of that stamp (ns).
 
     Raises:
         CalibrationError: the picture is damaged.
     """
-    if not hasattr(message, 'encoding'):
-        data = np.frombuffer(message.data, np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
-        if image is None:
-            raise CalibrationError(
-                f'the picture at {stamp_of(message) / 1e9:.3f} is damaged: leave it out'
-            )
-        return np.asarray(image)
-    if message.encoding in MONO:
-        rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
-        return rows[:, : message.width]
-    raw = RawImage(message.data, message.width, message.height, message.step, message.encoding)
-    frame = decode(raw)
+    if isinstance(image, JpegImage):
+        data = np.frombuffer(image.data, np.uint8)
+        grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+        if grey is None:
+            raise CalibrationError(f'the picture at {stamp / 1e9:.3f} is damaged: leave it out')
+        return np.asarray(grey)
+    if image.encoding in MONO:
+        rows = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)
+        return rows[:, : image.width]
+    frame = decode(image)
     return cv2.cvtColor(frame.window(0, 0, frame.width, frame.height), cv2.COLOR_BGR2GRAY)

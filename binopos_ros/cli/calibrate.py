@@ -31,12 +31,12 @@ from binopos_ros.calibration.live import LiveSession
 from binopos_ros.calibration.pairing import FEWEST_PAIRS
 from binopos_ros.calibration.priors import Media, guesses_from, parse_numbers
 from binopos_ros.calibration.report import interface_report, stereo_report
-from binopos_ros.calibration.sources import Pictures, folder_pair, open_pictures
+from binopos_ros.calibration.sources import Pictures, folder_pair
 from binopos_ros.calibration.stereo import calibrate_stereo
 from binopos_ros.calibration.summary import summarise_interface, summarise_stereo
-from binopos_ros.calibration.targets import camera_infos_of, target_pairs
 from binopos_ros.calibration.views import BoardPair, Dropped
 from binopos_ros.cli.calibrate_arguments import add_arguments
+from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
 from binopos_ros.cli.config import parameters_of
 from binopos_ros.cli.status_line import StatusLine
 from binopos_ros.optics import stereo_from_camera_infos

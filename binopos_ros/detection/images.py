@@ -12,7 +12,7 @@ frame is therefore the same whether it looked at all of it or at a part.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -69,6 +69,13 @@ class RawImage:
     height: int
     step: int
     encoding: str
+
+
+def image_of(message: Any) -> JpegImage | RawImage:
+    """The picture in a CompressedImage or an Image message, whoever made its class."""
+    if not hasattr(message, 'encoding'):
+        return JpegImage(message.data)
+    return RawImage(message.data, message.width, message.height, message.step, message.encoding)
 
 
 class Frame(Protocol):

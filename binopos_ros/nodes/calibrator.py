@@ -18,6 +18,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from binopos_ros.bag.messages import stamp_of
 from binopos_ros.calibration.live import LiveSession
 from binopos_ros.calibration.sources import grey_picture
+from binopos_ros.detection.images import image_of
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.shell import StageNode
 from binopos_ros.pairing import Pair, PairMatcher
@@ -79,7 +80,10 @@ class CalibratorNode(StageNode):
     def _judge(self, pair: Pair[Any]) -> None:
         stamp = stamp_of(pair.left)
         try:
-            images = [grey_picture(message) for message in (pair.left, pair.right)]
+            images = [
+                grey_picture(image_of(message), stamp_of(message))
+                for message in (pair.left, pair.right)
+            ]
             overlay, text = self._session.show(f'{stamp / 1e9:.3f}', *images)
         except ValueError as error:
             self._tell(str(error))
