@@ -17,14 +17,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from binopos_ros.calibration.adjust import View
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.covariance import calibration_covariances
-from binopos_ros.calibration.gather import find_boards
-from binopos_ros.calibration.guesses import InterfaceGuess
-from binopos_ros.calibration.interface import calibrate_interface
-from binopos_ros.calibration.sources import PicturePair
-from binopos_ros.calibration.stereo import calibrate_stereo
+from binopos_ros.calibration.adjustment.positions import calibration_covariances
+from binopos_ros.calibration.cameras.stereo import calibrate_stereo
+from binopos_ros.calibration.interface.calibrate import calibrate_interface
+from binopos_ros.calibration.interface.guesses import InterfaceGuess
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.gather import find_boards
+from binopos_ros.calibration.views.sources import PicturePair
+from binopos_ros.calibration.views.view import View
 from binopos_ros.cli import main as binopos
 from binopos_ros.cli.calibration_bags import open_pictures
 from binopos_ros.optics import (

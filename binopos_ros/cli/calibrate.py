@@ -13,28 +13,24 @@ from pathlib import Path
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import View
-from binopos_ros.calibration.balls import CENTRE_PER_COORDINATE, ball_view
-from binopos_ros.calibration.board import Board, parse_size
-from binopos_ros.calibration.check import check
+from binopos_ros.calibration.cameras.rigidity import FEWEST_PAIRS
+from binopos_ros.calibration.cameras.stereo import calibrate_stereo
+from binopos_ros.calibration.check.daily import check
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.files import (
-    read_stereo,
-    write_interface,
-    write_stereo,
-)
-from binopos_ros.calibration.gather import find_boards, name_other_board
-from binopos_ros.calibration.guesses import InterfaceGuess
-from binopos_ros.calibration.guidance import Sizes, Solution, Solve
-from binopos_ros.calibration.interface import calibrate_interface
-from binopos_ros.calibration.live import LiveSession
-from binopos_ros.calibration.pairing import FEWEST_PAIRS
-from binopos_ros.calibration.priors import Media, guesses_from, parse_numbers
-from binopos_ros.calibration.report import interface_report, stereo_report
-from binopos_ros.calibration.sources import Pictures, folder_pair
-from binopos_ros.calibration.stereo import calibrate_stereo
-from binopos_ros.calibration.summary import summarise_interface, summarise_stereo
-from binopos_ros.calibration.views import BoardPair, Dropped
+from binopos_ros.calibration.interface.calibrate import calibrate_interface
+from binopos_ros.calibration.interface.guesses import InterfaceGuess
+from binopos_ros.calibration.interface.priors import Media, guesses_from, parse_numbers
+from binopos_ros.calibration.live.guidance import Sizes, Solution, Solve
+from binopos_ros.calibration.live.session import LiveSession
+from binopos_ros.calibration.report.files import read_stereo, write_interface, write_stereo
+from binopos_ros.calibration.report.page import interface_report, stereo_report
+from binopos_ros.calibration.report.summary import summarise_interface, summarise_stereo
+from binopos_ros.calibration.views.balls import CENTRE_PER_COORDINATE, ball_view
+from binopos_ros.calibration.views.board import Board, parse_size
+from binopos_ros.calibration.views.gather import find_boards, name_other_board
+from binopos_ros.calibration.views.pairs import BoardPair, Dropped
+from binopos_ros.calibration.views.sources import Pictures, folder_pair
+from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.calibrate_arguments import add_arguments
 from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
 from binopos_ros.cli.config import parameters_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from binopos_ros.calibration.board import CHESSBOARD, KINDS
-from binopos_ros.calibration.stereo import MOST_VIEWS
+from binopos_ros.calibration.cameras.stereo import MOST_VIEWS
+from binopos_ros.calibration.views.board import CHESSBOARD, KINDS
 from binopos_ros.cli.config import add_config_argument
 
 

@@ -11,15 +11,15 @@ import numpy as np
 from binopos_ros.bag import BagReader
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.sources import (
+from binopos_ros.calibration.views.pairs import Dropped
+from binopos_ros.calibration.views.sources import (
     Load,
     PicturePair,
     Pictures,
     grey_picture,
     open_files,
 )
-from binopos_ros.calibration.targets import Blob, TargetPair
-from binopos_ros.calibration.views import Dropped
+from binopos_ros.calibration.views.targets import Blob, TargetPair
 from binopos_ros.detection import Detector
 from binopos_ros.detection.images import image_of
 from binopos_ros.optics import CameraInfo

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from binopos_ros.calibration.board import CHESSBOARD, KINDS, Board, parse_size
+from binopos_ros.calibration.views.board import CHESSBOARD, KINDS, Board, parse_size
 from binopos_ros.cli.simulated_bag import record
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.presets import PRESETS, Choices, in_air, with_board

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.adjust import View
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.corners import find_board
-from binopos_ros.calibration.guesses import InterfaceGuess
-from binopos_ros.calibration.views import BoardPair
+from binopos_ros.calibration.interface.guesses import InterfaceGuess
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.corners import find_board
+from binopos_ros.calibration.views.pairs import BoardPair
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.optics.rig_state import exponential
 

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.adjust import View
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.camera import calibrate_camera, check_determined
-from binopos_ros.calibration.corners import find_board
+from binopos_ros.calibration.cameras.camera import calibrate_camera, check_determined
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.views import BoardPair
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.corners import find_board
+from binopos_ros.calibration.views.pairs import BoardPair
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics import PinholeCamera
 from binopos_ros.optics.rig_state import exponential
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from binopos_ros.calibration import check as daily
-from binopos_ros.calibration.check import DailyCheck
+from binopos_ros.calibration.check import daily
+from binopos_ros.calibration.check.daily import DailyCheck
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.targets import Blob, TargetPair
+from binopos_ros.calibration.views.targets import Blob, TargetPair
 from binopos_ros.optics import StereoRig
 from binopos_ros.optics.rig_state import exponential
 from binopos_ros.triangulation import triangulate

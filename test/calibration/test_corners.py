@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from binopos_ros.calibration import charuco
-from binopos_ros.calibration.board import Board, parse_size
-from binopos_ros.calibration.corners import find_board, refinement_window
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.gather import name_other_board
-from binopos_ros.calibration.views import BoardPair
+from binopos_ros.calibration.views import charuco
+from binopos_ros.calibration.views.board import Board, parse_size
+from binopos_ros.calibration.views.corners import find_board, refinement_window
+from binopos_ros.calibration.views.gather import name_other_board
+from binopos_ros.calibration.views.pairs import BoardPair
 
 OVERSAMPLING = 4
 HOMOGRAPHY = np.array([[9.0, 1.2, 180.0], [-0.7, 8.6, 140.0], [0.0012, 0.0007, 1.0]])

@@ -11,8 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from binopos_ros.calibration.covariance import calibration_covariances, position_jacobians
-from binopos_ros.calibration.interface import calibrate_interface
+from binopos_ros.calibration.adjustment.positions import (
+    calibration_covariances,
+    position_jacobians,
+)
+from binopos_ros.calibration.interface.calibrate import calibrate_interface
 from binopos_ros.optics import OpticsError
 from binopos_ros.optics.covariance_file import (
     ParameterCovariance,

@@ -12,14 +12,14 @@ import cv2
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.corners import BoardView
+from binopos_ros.calibration.cameras.stereo import calibrate_stereo
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.guidance import Guidance, Guide, Sizes, Solution
-from binopos_ros.calibration.interface import calibrate_interface
-from binopos_ros.calibration.live import LiveSession
-from binopos_ros.calibration.stereo import calibrate_stereo
-from binopos_ros.calibration.views import BoardPair
+from binopos_ros.calibration.interface.calibrate import calibrate_interface
+from binopos_ros.calibration.live.guidance import Guidance, Guide, Sizes, Solution
+from binopos_ros.calibration.live.session import LiveSession
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.corners import BoardView
+from binopos_ros.calibration.views.pairs import BoardPair
 from binopos_ros.optics.rig_state import RigState
 
 BOARD = Board('chessboard', 9, 6, 0.02)

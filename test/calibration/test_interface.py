@@ -11,15 +11,16 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
-from binopos_ros.calibration.adjust import View, view_information
-from binopos_ros.calibration.balls import ball_view
-from binopos_ros.calibration.covariance import calibration_covariances
+from binopos_ros.calibration.adjustment.adjust import view_information
+from binopos_ros.calibration.adjustment.positions import calibration_covariances
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.guesses import InterfaceGuess
-from binopos_ros.calibration.interface import calibrate_interface
-from binopos_ros.calibration.pose import Pose
-from binopos_ros.calibration.targets import Blob
-from binopos_ros.calibration.verdicts import DETERMINED, PRIOR, WEAK, advice, verdicts
+from binopos_ros.calibration.interface.calibrate import calibrate_interface
+from binopos_ros.calibration.interface.guesses import InterfaceGuess
+from binopos_ros.calibration.report.verdicts import DETERMINED, PRIOR, WEAK, advice, verdicts
+from binopos_ros.calibration.views.balls import ball_view
+from binopos_ros.calibration.views.pose import Pose
+from binopos_ros.calibration.views.targets import Blob
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics import FlatInterface
 from binopos_ros.optics.covariance_file import ParameterCovariance
 from binopos_ros.optics.rig_state import Camera, RigState

@@ -17,7 +17,7 @@ import pytest
 
 from binopos_ros.bag import BagReader
 from binopos_ros.bag.messages import stamp_of
-from binopos_ros.calibration.views import CELLS
+from binopos_ros.calibration.views.pairs import CELLS
 from binopos_ros.cli import main
 from binopos_ros.optics import read_camera_info
 from binopos_ros.sides import SIDES

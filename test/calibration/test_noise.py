@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.adjust import View, adjust
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.interface import calibrate_interface
-from binopos_ros.calibration.stereo import calibrate_stereo
-from binopos_ros.calibration.views import BoardPair
+from binopos_ros.calibration.adjustment.adjust import adjust
+from binopos_ros.calibration.cameras.stereo import calibrate_stereo
+from binopos_ros.calibration.interface.calibrate import calibrate_interface
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.pairs import BoardPair
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import RigState
 
 RIGS = 15

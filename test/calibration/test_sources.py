@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from binopos_ros.bag import BagWriter, messages
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.files import camera_infos, read_stereo, write_stereo
+from binopos_ros.calibration.report.files import camera_infos, read_stereo, write_stereo
 from binopos_ros.cli.calibration_bags import open_pictures
 from binopos_ros.optics import OpticsError, read_camera_info, stereo_from_camera_infos
 from binopos_ros.optics.covariance_file import read_covariance

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.adequacy import adequacy
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.corners import BoardView
+from binopos_ros.calibration.adjustment.adequacy import adequacy
+from binopos_ros.calibration.cameras.stereo import StereoCalibration, calibrate_stereo
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.stereo import StereoCalibration, calibrate_stereo
-from binopos_ros.calibration.views import BoardPair
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.corners import BoardView
+from binopos_ros.calibration.views.pairs import BoardPair
 from binopos_ros.optics import PinholeCamera, StereoRig
 from binopos_ros.optics.rig_state import RigState, exponential, logarithm
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.covariance import calibration_covariances
-from binopos_ros.calibration.files import camera_infos
+from binopos_ros.calibration.adjustment.positions import calibration_covariances
+from binopos_ros.calibration.report.files import camera_infos
 from binopos_ros.optics import StereoRig
 from binopos_ros.optics.covariance_file import ParameterCovariance, write_covariance
 from binopos_ros.optics.rig_state import RigState

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.charuco import find_corners
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.charuco import find_corners
 from binopos_ros.optics import PinholeCamera, StereoRig
 from binopos_ros.simulation import PRESETS, Choices, Renderer, Scene, SimulationError
 from binopos_ros.simulation.boards import BLACK, WHITE, ShownBoard, printed

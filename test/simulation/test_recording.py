@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation
 
 from binopos_ros.bag import BagError, BagReader, messages
-from binopos_ros.calibration.board import Board
+from binopos_ros.calibration.views.board import Board
 from binopos_ros.cli.simulated_bag import START_NS, _quaternion, record
 from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_message import read_camera_info_message

@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import NEARLY, Adjustment, Prior, View, adjust
+from binopos_ros.calibration.adjustment.adjust import NEARLY, Adjustment, Prior, adjust
+from binopos_ros.calibration.adjustment.noise import widened
+from binopos_ros.calibration.adjustment.start import other_pose, straight_poses, sunk
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.guesses import (
+from binopos_ros.calibration.interface.guesses import (
     InterfaceGuess,
     check_places,
     prior_deviations,
@@ -23,9 +25,8 @@ from binopos_ros.calibration.guesses import (
     with_assumed_index,
     with_known_ports,
 )
-from binopos_ros.calibration.noise import widened
-from binopos_ros.calibration.start import other_pose, straight_poses, sunk
-from binopos_ros.calibration.views import Dropped
+from binopos_ros.calibration.views.pairs import Dropped
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.covariance_file import ParameterCovariance
 from binopos_ros.optics.rig_state import LEFT, RigState
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import Adjustment, View
+from binopos_ros.calibration.adjustment.adjust import Adjustment
+from binopos_ros.calibration.views.view import View
 
 RINGS = 8
 FEWEST_VIEWS_PER_RING = 4

@@ -12,14 +12,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import View, view_information
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.corners import upright_like
-from binopos_ros.calibration.covariance import position_jacobians
+from binopos_ros.calibration.adjustment.adjust import view_information
+from binopos_ros.calibration.adjustment.positions import position_jacobians
+from binopos_ros.calibration.adjustment.start import guess_pose
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.pose import Pose
-from binopos_ros.calibration.start import guess_pose
-from binopos_ros.calibration.views import BoardPair, coverage, foreshortening
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.corners import upright_like
+from binopos_ros.calibration.views.pairs import BoardPair, coverage, foreshortening
+from binopos_ros.calibration.views.pose import Pose
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState, exponential
 from binopos_ros.sides import SIDES
 

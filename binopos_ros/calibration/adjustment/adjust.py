@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.pose import Pose
+from binopos_ros.calibration.views.pose import Pose
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_projection import project
 from binopos_ros.optics.rig_state import RigState, cross_matrices, exponential
 
@@ -28,24 +29,6 @@ CONVERGED = 1e-9  # relative decrease of the cost
 NEARLY = 1e-5  # the same, while the weights still change
 HELD = 1e15  # rad^-2, information that holds an orientation
 LEAST_SIGMA = 1e-4  # px; below it the data are synthetic and exact
-
-
-@dataclass(frozen=True)
-class View:
-    """One board (or rigid target) as both cameras see it.
-
-    Attributes:
-        name: what the user calls it (the file's or message's name).
-        points: (N, 3) in the board frame (m).
-        pixels: per camera (N, 2), nan where that camera does not see the point; one coordinate
-            alone may be nan as well.
-        turns: whether the orientation is unknown; a ball has none.
-    """
-
-    name: str
-    points: np.ndarray
-    pixels: tuple[np.ndarray, ...]
-    turns: bool = True
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from binopos_ros.calibration.adjust import View
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.corners import BoardView
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.corners import BoardView
+from binopos_ros.calibration.views.view import View
 
 CELLS = (8, 6)  # of the coverage map, columns and rows
 BLURRED = 2.0  # times the median rise of the edges

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import Adjustment, Prior, View, adjust
+from binopos_ros.calibration.adjustment.adjust import Adjustment, Prior, adjust
+from binopos_ros.calibration.adjustment.start import guess_camera, guess_pose
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.start import guess_camera, guess_pose
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import RigState
 from binopos_ros.sides import SIDES
 

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import Adjustment, View
-from binopos_ros.calibration.epipolar import epipolar_residuals
-from binopos_ros.calibration.prediction import ErrorMap
-from binopos_ros.calibration.views import CELLS, coverage
+from binopos_ros.calibration.adjustment.adjust import Adjustment
+from binopos_ros.calibration.check.epipolar import epipolar_residuals
+from binopos_ros.calibration.report.prediction import ErrorMap
+from binopos_ros.calibration.views.pairs import CELLS, coverage
+from binopos_ros.calibration.views.view import View
 from binopos_ros.sides import SIDES
 
 CELLS_OF_RESIDUALS = (16, 12)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import View
-from binopos_ros.calibration.covariance import position_jacobians
-from binopos_ros.calibration.pose import Pose
+from binopos_ros.calibration.adjustment.positions import position_jacobians
+from binopos_ros.calibration.views.pose import Pose
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState
 
 TARGET_SIGMA = 0.1  # px, of a target's centre

@@ -5,11 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.corners import BoardView, find_board
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.guidance import Guidance, Guide, Solve
-from binopos_ros.calibration.views import CELLS, BoardPair
+from binopos_ros.calibration.live.guidance import Guidance, Guide, Solve
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.corners import BoardView, find_board
+from binopos_ros.calibration.views.pairs import CELLS, BoardPair
 from binopos_ros.optics.rig_state import LEFT, RIGHT
 from binopos_ros.sides import SIDES
 

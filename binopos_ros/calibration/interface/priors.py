@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.guesses import InterfaceGuess
+from binopos_ros.calibration.interface.guesses import InterfaceGuess
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, TARGET_INDEX
 
 PLACES = (SHARED, LEFT_PORT, RIGHT_PORT)

@@ -21,7 +21,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import Adjustment, Prior, View, view_score
+from binopos_ros.calibration.adjustment.adjust import Adjustment, Prior, view_score
+from binopos_ros.calibration.views.view import View
 
 FEWEST_VIEWS = 5
 SCORE = 3.09  # of the normal distribution: one set of independent points in 1000 lies beyond

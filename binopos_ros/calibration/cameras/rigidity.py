@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import View
-from binopos_ros.calibration.board import Board
+from binopos_ros.calibration.adjustment.start import guess_pose
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.pose import Pose
-from binopos_ros.calibration.start import guess_pose
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.pose import Pose
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import Camera, RigState, logarithm
 from binopos_ros.sides import SIDES
 

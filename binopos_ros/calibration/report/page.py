@@ -9,15 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from binopos_ros.calibration import pictures
-from binopos_ros.calibration.adjust import Adjustment, View
-from binopos_ros.calibration.files import write_text
-from binopos_ros.calibration.interface import InterfaceCalibration
-from binopos_ros.calibration.prediction import error_map
-from binopos_ros.calibration.stereo import StereoCalibration
-from binopos_ros.calibration.summary import camera_rows, interface_rows, stereo_rows
-from binopos_ros.calibration.verdicts import advice, tilt_angles, verdicts
-from binopos_ros.calibration.views import CELLS, Dropped, coverage
+from binopos_ros.calibration.adjustment.adjust import Adjustment
+from binopos_ros.calibration.cameras.stereo import StereoCalibration
+from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
+from binopos_ros.calibration.report import pictures
+from binopos_ros.calibration.report.files import write_text
+from binopos_ros.calibration.report.prediction import error_map
+from binopos_ros.calibration.report.summary import camera_rows, interface_rows, stereo_rows
+from binopos_ros.calibration.report.verdicts import advice, tilt_angles, verdicts
+from binopos_ros.calibration.views.pairs import CELLS, Dropped, coverage
+from binopos_ros.calibration.views.view import View
 from binopos_ros.sides import SIDES
 
 FEW_VIEWS = 12

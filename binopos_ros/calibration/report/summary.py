@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import Adjustment
-from binopos_ros.calibration.interface import InterfaceCalibration
-from binopos_ros.calibration.stereo import StereoCalibration
-from binopos_ros.calibration.verdicts import advice, verdicts
-from binopos_ros.calibration.views import Dropped
+from binopos_ros.calibration.adjustment.adjust import Adjustment
+from binopos_ros.calibration.cameras.stereo import StereoCalibration
+from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
+from binopos_ros.calibration.report.verdicts import advice, verdicts
+from binopos_ros.calibration.views.pairs import Dropped
 from binopos_ros.optics.rig_state import LEFT, RIGHT, TARGET_INDEX, logarithm
 from binopos_ros.sides import SIDES
 

@@ -7,23 +7,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from binopos_ros.calibration.adequacy import Adequacy, adequacy, better_by
-from binopos_ros.calibration.adjust import Adjustment, Prior, View, adjust
-from binopos_ros.calibration.board import Board
-from binopos_ros.calibration.camera import (
+from binopos_ros.calibration.adjustment.adequacy import Adequacy, adequacy, better_by
+from binopos_ros.calibration.adjustment.adjust import Adjustment, Prior, adjust
+from binopos_ros.calibration.adjustment.noise import widened
+from binopos_ros.calibration.adjustment.start import guess_pose
+from binopos_ros.calibration.cameras.camera import (
     BROWN_TERMS,
     RATIONAL_TERMS,
     CameraFit,
     calibrate_camera,
     check_determined,
 )
-from binopos_ros.calibration.corners import upright_like
+from binopos_ros.calibration.cameras.rigidity import FEWEST_PAIRS, consensus, explain
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.noise import widened
-from binopos_ros.calibration.pairing import FEWEST_PAIRS, consensus, explain
-from binopos_ros.calibration.pose import Pose
-from binopos_ros.calibration.start import guess_pose
-from binopos_ros.calibration.views import BoardPair, Dropped, drop_blurred, select
+from binopos_ros.calibration.views.board import Board
+from binopos_ros.calibration.views.corners import upright_like
+from binopos_ros.calibration.views.pairs import BoardPair, Dropped, drop_blurred, select
+from binopos_ros.calibration.views.pose import Pose
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import LEFT, RIGHT, Camera, RigState
 from binopos_ros.sides import SIDES
 

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from binopos_ros.calibration.adjust import View
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.pose import Pose
+from binopos_ros.calibration.views.pose import Pose
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import LEFT, RIGHT, Camera, RigState
 
 FEWEST_POINTS = 4

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import View
-from binopos_ros.calibration.interface import InterfaceCalibration
-from binopos_ros.calibration.pose import Pose
-from binopos_ros.calibration.views import coverage
+from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
+from binopos_ros.calibration.views.pairs import coverage
+from binopos_ros.calibration.views.pose import Pose
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import TARGET_INDEX
 
 DETERMINED, WEAK, PRIOR = 'determined', 'weakly determined', 'not determined'

@@ -9,11 +9,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from binopos_ros.calibration.board import CHESSBOARD, Board
-from binopos_ros.calibration.corners import BoardView, find_board
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.sources import PicturePair
-from binopos_ros.calibration.views import BoardPair
+from binopos_ros.calibration.views.board import CHESSBOARD, Board
+from binopos_ros.calibration.views.corners import BoardView, find_board
+from binopos_ros.calibration.views.pairs import BoardPair
+from binopos_ros.calibration.views.sources import PicturePair
 from binopos_ros.sides import SIDES
 
 Size = tuple[int, int]

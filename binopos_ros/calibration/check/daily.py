@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from binopos_ros.calibration.epipolar import epipolar_residuals
+from binopos_ros.calibration.check.epipolar import epipolar_residuals
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.optics import StereoRig
 from binopos_ros.optics.covariance_file import ParameterCovariance

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import View
-from binopos_ros.calibration.targets import Blob
+from binopos_ros.calibration.views.targets import Blob
+from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState
 
 CENTRE_PER_COORDINATE = 0.5**0.5  # of the standard deviations

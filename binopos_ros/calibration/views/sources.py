@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.views import Dropped
+from binopos_ros.calibration.views.pairs import Dropped
 from binopos_ros.detection.images import JpegImage, RawImage, decode
 from binopos_ros.sides import SIDES
 

@@ -14,8 +14,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from binopos_ros.calibration import charuco
-from binopos_ros.calibration.board import ASYMMETRIC_CIRCLES, CHARUCO, CHESSBOARD, Board
+from binopos_ros.calibration.views import charuco
+from binopos_ros.calibration.views.board import ASYMMETRIC_CIRCLES, CHARUCO, CHESSBOARD, Board
 
 WINDOW_PER_SPACING = 0.3  # with 0.35 a neighbour is reached in strongly tilted views
 SMALLEST_WINDOW = 2

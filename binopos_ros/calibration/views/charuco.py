@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from binopos_ros.calibration.board import Board
 from binopos_ros.calibration.errors import CalibrationError
+from binopos_ros.calibration.views.board import Board
 
 FEWEST_CORNERS = 6  # fewer do not tell a pose and its error apart
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.interface import InterfaceCalibration
+from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
 from binopos_ros.optics import (
     CameraInfo,
     read_camera_info,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from binopos_ros.calibration.adjust import Prior
+from binopos_ros.calibration.adjustment.adjust import Prior
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.optics import FlatInterface
 from binopos_ros.optics.covariance_file import ParameterCovariance

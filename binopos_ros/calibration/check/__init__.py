@@ -1,0 +1,1 @@
+"""The third step: whether the calibration still holds, from ordinary operation."""

@@ -1,0 +1,1 @@
+"""Views taken from live cameras, with guidance where to hold the board next."""
