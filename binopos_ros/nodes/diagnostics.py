@@ -11,13 +11,10 @@ from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from binopos_ros.nodes.neighbours import intruders
-from binopos_ros.nodes.shell import StageNode
+from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode
 from binopos_ros.reasons import kind_of
 
 PERIOD = 1.0
-#: A second publisher is told within a second: when it is seen twice, as one that has just ended
-#: is known for a moment longer.
-LOOK_PERIOD = 0.35
 WINDOW = 10
 
 
@@ -109,6 +106,7 @@ class StageDiagnostics:
         return DiagnosticStatus.OK, 'running'
 
     def _look_about(self) -> None:
+        # Seen twice, as one that has just ended is known for a moment longer.
         seen = intruders(self._node, self._node.sole_topics)
         found = {about: told for about, told in seen.items() if self._seen.get(about) == told}
         news = [told for about, told in found.items() if self._intruders.get(about) != told]

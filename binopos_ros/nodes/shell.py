@@ -17,6 +17,7 @@ from rcl_interfaces.msg import (
     SetParametersResult,
 )
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
@@ -42,6 +43,8 @@ from binopos_ros.parameters import (
 NAMESPACE = 'stereo'
 #: Enough for a stage that is held up for a second at 30 Hz.
 DEPTH = 30
+#: Seconds between looks at who is there.
+LOOK_PERIOD = 0.35
 #: What `qos_overrides.TOPIC.subscription.*` and `.publisher.*` may change.
 POLICIES = (
     QoSPolicyKind.HISTORY,
@@ -138,11 +141,24 @@ class StageNode(Node):
         """As `subscription`, and what latched publishers sent before this node was there.
 
         A subscription that asks for what was sent before does not hear publishers that do not keep
-        it, so there are two; from a latched publisher every message comes twice.
+        it. So it is a second one, made where a latched publisher is seen; what comes by both comes
+        twice.
         """
         self.subscription(message_type, topic, callback)
+        full_name = self.resolve_topic_name(topic)
         latched = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(message_type, topic, callback, latched)
+
+        def look() -> None:
+            offers = [each.qos_profile for each in self.get_publishers_info_by_topic(full_name)]
+            if any(each.durability == latched.durability for each in offers):
+                timer.cancel()
+                # Other publishers may be plain, and are heard by the first one.
+                quiet = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
+                self.create_subscription(
+                    message_type, topic, callback, latched, event_callbacks=quiet
+                )
+
+        timer = self.every(LOOK_PERIOD, look)
 
     def _overridable(
         self, topic: str, create: Callable[..., Any], *arguments: Any, **options: Any

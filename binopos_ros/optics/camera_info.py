@@ -29,6 +29,10 @@ BROWN_MODELS = ('plumb_bob', 'rational_polynomial', 'thin_prism', '')
 OFF_CENTRE = 0.25  # of the image's size: farther than this the principal point is suspicious
 
 
+#: Lenses have a width, m.
+SHORTEST_BASELINE = 1e-3
+
+
 class CameraInfoWarning(UserWarning):
     """A calibration file that reads, but contradicts itself."""
 
@@ -96,10 +100,17 @@ class CameraInfo:
             matrix[0] /= horizontal
             matrix[1] /= vertical
         try:
-            return PinholeCamera(matrix, self.d, (width // horizontal, height // vertical))
-        except OpticsError as error:
+            camera = PinholeCamera(matrix, self.d, (width // horizontal, height // vertical))
+        except (OpticsError, np.linalg.LinAlgError) as error:
             msg = f'camera {self.name!r}: {error}'
             raise OpticsError(msg) from None
+        if not _sees_its_middle(camera):
+            msg = (
+                f'camera {self.name!r}: the distortion {list(self.d)} cannot be undone even in '
+                'the middle of the picture; calibrate again'
+            )
+            raise OpticsError(msg)
+        return camera
 
     def contradictions(self) -> list[str]:
         """Return what in this calibration cannot be meant, one line each."""
@@ -206,13 +217,21 @@ def stereo_from_camera_infos(
             raise OpticsError(msg)
     from_left, from_right = _rectification(left), _rectification(right)
     offset = _offset(right) - _offset(left)
-    if not np.linalg.norm(offset) > 0.0:
+    if not np.linalg.norm(offset) > SHORTEST_BASELINE:
         msg = (
             f'cameras {left.name!r} and {right.name!r} have no baseline (P[0, 3] of the right one'
-            ' is 0); calibrate the two as a stereo pair'
+            f' is {right.p[3]:g}); calibrate the two as a stereo pair, in metres'
         )
         raise OpticsError(msg)
     return left.camera(), right.camera(), from_right.T @ from_left, from_right.T @ offset
+
+
+def _sees_its_middle(camera: PinholeCamera) -> bool:
+    """Whether pixels half-way between the middle and the corners have rays that lead back."""
+    width, height = camera.size
+    pixels = np.array([[width * u, height * v] for u in (0.25, 0.75) for v in (0.25, 0.75)])
+    again = camera.project(camera.unproject(pixels))
+    return bool(np.isfinite(again).all() and np.abs(again - pixels).max() < 1.0)
 
 
 def _offset(info: CameraInfo) -> FloatArray:

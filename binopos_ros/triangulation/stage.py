@@ -131,6 +131,8 @@ class Triangulator:
             OpticsError: the calibration cannot be used; what was there before stays in use.
         """
         if self._infos.get(side) != info:
+            # A fault of this side is told before the other side is there.
+            info.camera()
             self._build(self._options, {**self._infos, side: info})
 
     def add(self, side: str, centroid: Centroid) -> Iterator[Position | Drop]:

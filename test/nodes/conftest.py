@@ -32,10 +32,13 @@ RELIABLE = [
 class NodeProcess:
     """One or more nodes of the suite in a process, as `ros2 run` starts them."""
 
-    def __init__(self, folder: Path, names: tuple[str, ...], parameters: dict[str, Any]) -> None:
+    def __init__(
+        self, folder: Path, names: tuple[str, ...], parameters: dict[str, Any], reliable: bool
+    ) -> None:
         path = folder / f'{"_".join(names)}.yaml'
-        reliable = {topic: {'subscription': {'reliability': 'reliable'}} for topic in RELIABLE}
-        blocks = {'/**': {'ros__parameters': {'qos_overrides': reliable}}} | {
+        overrides = {topic: {'subscription': {'reliability': 'reliable'}} for topic in RELIABLE}
+        every = {'qos_overrides': overrides} if reliable else {}
+        blocks = {'/**': {'ros__parameters': every}} | {
             f'/**/{name}': {'ros__parameters': values} for name, values in parameters.items()
         }
         path.write_text(yaml.safe_dump(blocks), encoding='utf-8')
@@ -114,8 +117,10 @@ def start(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., NodeProcess
     """Start nodes: start('triangulator', 'smoother', parameters={'smoother': {...}})."""
     running: list[NodeProcess] = []
 
-    def starter(*names: str, parameters: dict[str, Any] | None = None) -> NodeProcess:
-        running.append(NodeProcess(tmp_path, names, parameters or {}))
+    def starter(
+        *names: str, parameters: dict[str, Any] | None = None, reliable: bool = True
+    ) -> NodeProcess:
+        running.append(NodeProcess(tmp_path, names, parameters or {}, reliable))
         return running[-1]
 
     yield starter
