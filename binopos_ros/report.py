@@ -61,6 +61,7 @@ class Report:
     truth: Track = field(default_factory=Track)
     images: Counter[str] = field(default_factory=Counter)
     parameters: Sequence[str] = ()
+    notes: Counter[str] = field(default_factory=Counter)
 
     @property
     def seen(self) -> int:
@@ -80,12 +81,20 @@ class Report:
             if event.pose is not None:
                 self.filtered.add(event.pose.stamp, event.pose.state.position)
 
+    def note(self, line: str) -> None:
+        """Say something of the bag, with its count where it is said again."""
+        self.notes[line] += 1
+
     def drop(self, reason: str, count: int = 1) -> None:
         """Count a drop; figures in the reason do not part it from its like."""
         self.drops[kind_of(reason)] += count
 
     def __str__(self) -> str:
         rows = [
+            *[
+                ('note', line if count == 1 else f'{line} ({count} times)')
+                for line, count in self.notes.items()
+            ],
             ('parameters', ', '.join(['defaults', *self.parameters])),
             ('pairs seen', str(self.seen)),
             ('pairs used', str(len(self.raw.stamps))),

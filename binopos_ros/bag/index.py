@@ -15,6 +15,7 @@ import os
 import struct
 import zlib
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -27,10 +28,12 @@ from mcap.records import Channel, ChunkIndex, Schema
 from mcap.summary import Summary
 
 from binopos_ros.bag.chunks import (
+    LARGEST,
     RECORD_HEAD,
     RawMessage,
     decompress,
     message_at,
+    refuse_too_large,
     salvage,
     split_records,
 )
@@ -42,7 +45,8 @@ CHUNK_HEAD = struct.Struct('<QQQII')
 
 #: A run of messages outside chunks is read in stretches of about this many bytes.
 _LOOSE_SPAN_BYTES = 1 << 20
-_RECORD_LIMIT = 4 << 30
+#: Of a summary, or a schema or channel anywhere; the longest are the definitions of messages.
+LARGEST_SUMMARY_RECORD = 16 << 20
 _FOOTER = struct.Struct('<BQQQI')  # head, start of the summary and of its offsets, checksum
 _CRC_BYTES = 4
 _MESSAGE_INDEX_HEAD = struct.Struct('<HI')  # channel, bytes of its entries
@@ -101,6 +105,9 @@ def index_file(path: Path, *, name: str | None = None) -> FileIndex:
             raise BagError(message)
         magic = stream.read(len(MAGIC))
         if magic != MAGIC:
+            if path.suffix in ('.db3', '.bag'):
+                message = f'{name}: a bag in sqlite3 or ROS 1 format: convert it to MCAP'
+                raise BagError(message)
             message = (
                 f'{name}: not an MCAP file (it begins with {magic!r}): '
                 'give a bag in MCAP format, or convert it with `ros2 bag convert`'
@@ -114,21 +121,26 @@ def index_file(path: Path, *, name: str | None = None) -> FileIndex:
         return _Scan(path, stream, size, has_footer=has_footer).run()
 
 
-def read_span(path: Path, span: Span) -> list[RawMessage]:
-    """All messages of a span in the file's order.
+def read_span(path: Path, span: Span) -> memoryview:
+    """The records of a span.
 
     Raises:
-        BagError: its bytes are damaged.
+        BagError: its bytes are damaged, or too many.
     """
+    refuse_too_large(span.length, 'a record')
     with path.open('rb') as stream:
         stream.seek(span.offset)
         data = memoryview(stream.read(span.length))
-    records = data if span.kind == 'loose' else _chunk_records(data, torn=span.kind == 'torn')
-    return [
+    return data if span.kind == 'loose' else _chunk_records(data, torn=span.kind == 'torn')
+
+
+def messages_in(records: memoryview) -> Iterator[RawMessage]:
+    """All messages of a span's records in the file's order."""
+    return (
         message_at(records, start, end)
         for opcode, start, end in split_records(records)
         if opcode == Opcode.MESSAGE
-    ]
+    )
 
 
 def _chunk_records(data: memoryview, *, torn: bool) -> memoryview:
@@ -141,7 +153,9 @@ def _chunk_records(data: memoryview, *, torn: bool) -> memoryview:
     compression = bytes(data[start : start + name_length]).decode('ascii', 'replace')
     start += name_length + 8
     content = data[start:]
-    return salvage(content, compression) if torn else decompress(content, compression, size, crc)
+    if torn:
+        return salvage(content, compression, size)
+    return decompress(content, compression, size, crc)
 
 
 def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
@@ -151,8 +165,8 @@ def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
         if not _summary_is_intact(stream, size):
             return None
         stream.seek(0)
-        summary = SeekingReader(stream, record_size_limit=size).get_summary()
-    except (McapError, struct.error, ValueError, OSError, OverflowError):
+        summary = SeekingReader(stream, record_size_limit=LARGEST_SUMMARY_RECORD).get_summary()
+    except (McapError, struct.error, ValueError, OSError, OverflowError, MemoryError):
         return None
     if summary is None or summary.statistics is None:
         return None
@@ -177,11 +191,15 @@ def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
 def _summary_is_intact(stream: BinaryIO, size: int) -> bool:
     stream.seek(size - len(MAGIC) - _FOOTER.size)
     opcode, length, start, _, crc = _FOOTER.unpack(stream.read(_FOOTER.size))
-    if opcode != Opcode.FOOTER or length != _FOOTER.size - RECORD_HEAD.size or start > size:
+    end = size - len(MAGIC) - _CRC_BYTES
+    whole = opcode == Opcode.FOOTER and length == _FOOTER.size - RECORD_HEAD.size
+    if not (whole and 0 < start <= end):
         return False
     stream.seek(start)
-    content = stream.read(size - len(MAGIC) - start)[:-_CRC_BYTES]
-    return crc in (0, zlib.crc32(content))
+    found = 0
+    while crc and (left := end - stream.tell()) > 0:
+        found = zlib.crc32(stream.read(min(left, _LOOSE_SPAN_BYTES)), found)
+    return crc == found
 
 
 def _from_summary(path: Path, summary: Summary) -> FileIndex:
@@ -277,7 +295,11 @@ class _Scan:
             self.index.counts[channel_id] += 1
             self._extend_loose(position, end, log_time)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            self._declare(opcode, self.stream.read(end - position - RECORD_HEAD.size))
+            length = end - position - RECORD_HEAD.size
+            if length > LARGEST_SUMMARY_RECORD:
+                message = f'a schema or channel record of {length} bytes is damaged'
+                raise BagError(message)
+            self._declare(opcode, self.stream.read(length))
 
     def _declare(self, opcode: int, content: bytes) -> None:
         stream = ReadDataStream(io.BytesIO(content))
@@ -320,9 +342,8 @@ class _Scan:
         if span.channel_ids is not None:
             self.index.counts.update(counts)
         if span.channel_ids is None or span.channel_ids - self.index.channels.keys():
-            self.stream.seek(span.offset)
             try:
-                records = _chunk_records(memoryview(self.stream.read(span.length)), torn=False)
+                records = read_span(self.index.path, span)
                 self._look_into(records, span, count=span.channel_ids is None)
             except BagError as error:
                 _log.warning('%s: %s; the chunk is left out', self.index.path, error)
@@ -331,10 +352,9 @@ class _Scan:
 
     def _torn_chunk(self, position: int) -> None:
         self._finish_chunk()
-        self.stream.seek(position)
-        data = memoryview(self.stream.read())
-        span = Span(0, 0, position, len(data), 'torn')
-        self.saved = self._look_into(_chunk_records(data, torn=True), span, count=True)
+        length = min(self.size - position, LARGEST)
+        span = Span(0, 0, position, length, 'torn')
+        self.saved = self._look_into(read_span(self.index.path, span), span, count=True)
         if self.saved:
             self.index.spans.append(span)
 

@@ -4,105 +4,113 @@ from __future__ import annotations
 
 import logging
 import re
-from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
+from binopos_ros import plain_yaml
 from binopos_ros.bag.errors import BagError
 
 METADATA = 'metadata.yaml'
-_SUFFIXES = ('.mcap', '.mcap.zstd')
+_SUFFIXES = ('.mcap', '.mcap.zstd', '.db3', '.db3.zstd', '.bag')
+
+#: A bag's files in their order.
+Files = tuple[Path, ...]
 
 _log = logging.getLogger('binopos.bag')
 
 
-@dataclass(frozen=True)
-class Layout:
-    """A bag's files in their order, and whether each message in them is compressed by itself."""
-
-    files: tuple[Path, ...]
-    zstd_messages: bool = False
-
-
-def find_layout(path: Path) -> Layout:
+def find_files(path: Path) -> Files:
     """Files of the bag at `path`.
 
     Raises:
-        BagError: nothing there, or nothing that is a bag in MCAP format.
+        BagError: nothing there, or nothing that is a bag.
     """
     if path.name == METADATA and path.is_file():
         path = path.parent
     if path.is_file():
-        if path.suffix == '.db3':
-            raise BagError(_sqlite(path))
-        return Layout((path,))
+        return (path,)
     if not path.is_dir():
         message = (
             f'{path}: no such bag: give a folder written by `ros2 bag record`, or a .mcap file'
         )
         raise BagError(message)
-    metadata = _read_metadata(path)
-    if metadata is not None:
-        if metadata.get('storage_identifier') == 'sqlite3':
-            raise BagError(_sqlite(path))
-        files = _listed_files(path, metadata)
-        if files:
-            mode = str(metadata.get('compression_mode') or '').lower()
-            return Layout(files, zstd_messages=mode == 'message')
-    return Layout(_unlisted_files(path))
+    files = _listed_files(path, _read_metadata(path))
+    return files or _unlisted_files(path)
 
 
-def _read_metadata(folder: Path) -> dict[str, Any] | None:
+def _read_metadata(folder: Path) -> dict[str, Any]:
     path = folder / METADATA
     if not path.is_file():
-        return None
-    import yaml
-
+        return {}
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+        content = plain_yaml.load(path.read_text(encoding='utf-8'))
         information = content['rosbag2_bagfile_information']
         if isinstance(information, dict):
             return information
-    except (yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError):
-        pass
-    _log.warning('%s: unreadable; the bag is read without it', path)
-    return None
+        reason = 'no rosbag2_bagfile_information'
+    except (OSError, UnicodeDecodeError, TypeError, KeyError):
+        reason = 'no rosbag2_bagfile_information'
+    except plain_yaml.PlainYamlError as error:
+        reason = str(error)
+    _log.warning('%s: unreadable (%s); the bag is read without it', path, reason)
+    return {}
 
 
-def _listed_files(folder: Path, metadata: dict[str, Any]) -> tuple[Path, ...]:
+def _listed_files(folder: Path, metadata: dict[str, Any]) -> Files:
+    listed = metadata.get('relative_file_paths')
     files: list[Path] = []
-    for listed in metadata.get('relative_file_paths') or []:
-        # Early versions of rosbag2 wrote the folder's name before the file's.
-        candidates = [folder / str(listed), folder / Path(str(listed)).name]
-        candidates += [Path(f'{candidate}.zstd') for candidate in candidates]
-        found = next((candidate for candidate in candidates if candidate.is_file()), None)
+    for name in listed if isinstance(listed, list) else []:
+        found = _listed_file(folder, str(name))
         if found is None:
             _log.warning(
                 '%s: %s is listed in %s but missing; its part of the bag is left out',
                 folder,
-                listed,
+                name,
                 METADATA,
             )
         else:
             files.append(found)
+    others = [file for file in folder.iterdir() if _is_part(file) and file not in files]
+    if files and others:
+        _log.warning(
+            '%s: %s lists %d of %d files; the other %d are left out, %s among them: remove %s '
+            'to read them all',
+            folder,
+            METADATA,
+            len(files),
+            len(files) + len(others),
+            len(others),
+            min(others, key=_natural).name,
+            METADATA,
+        )
     return tuple(files)
 
 
-def _unlisted_files(folder: Path) -> tuple[Path, ...]:
-    files = sorted(
-        (file for file in folder.iterdir() if file.name.endswith(_SUFFIXES)), key=_natural
-    )
+def _listed_file(folder: Path, listed: str) -> Path | None:
+    """A file that the metadata name, in the bag's folder and nowhere else."""
+    # Early versions of rosbag2 wrote the folder's name before the file's.
+    names = [listed, PurePath(listed).name]
+    for name in [*names, *(f'{name}.zstd' for name in names)]:
+        inside = not PurePath(name).is_absolute() and '..' not in PurePath(name).parts
+        if inside and '\0' not in name and (folder / name).is_file():
+            return folder / name
+    return None
+
+
+def _unlisted_files(folder: Path) -> Files:
+    files = sorted((file for file in folder.iterdir() if _is_part(file)), key=_natural)
     if not files:
-        if any(folder.glob('*.db3')):
-            raise BagError(_sqlite(folder))
         message = f'{folder}: holds no .mcap file: give the folder that `ros2 bag record` wrote'
         raise BagError(message)
+    kinds = {file.name.partition('.')[2] for file in files}
+    if len(kinds) > 1 and any(kind.startswith('mcap') for kind in kinds):
+        files = [file for file in files if file.name.partition('.')[2].startswith('mcap')]
     return tuple(files)
+
+
+def _is_part(path: Path) -> bool:
+    return path.name.endswith(_SUFFIXES)
 
 
 def _natural(path: Path) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
-
-
-def _sqlite(path: Path) -> str:
-    return f'{path}: a bag in sqlite3 format: convert it to MCAP with `ros2 bag convert`'

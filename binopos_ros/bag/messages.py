@@ -6,6 +6,7 @@ as well: both have the same fields. Stamps are integer nanoseconds since the epo
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ POSE = 'geometry_msgs/msg/PoseStamped'
 VECTOR3 = 'geometry_msgs/msg/Vector3Stamped'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 
+#: Bytes of the encapsulation and of the stamp in a serialised header.
+STAMP_END = 12
+
 _SECOND = 10**9
 
 
@@ -29,6 +33,20 @@ def stamp_of(message: Any) -> int:
     """Nanoseconds of a message's header stamp."""
     stamp = message.header.stamp
     return int(stamp.sec) * _SECOND + int(stamp.nanosec)
+
+
+def serialized_stamp(data: bytes) -> int:
+    """Nanoseconds of the header stamp that a serialised message (CDR) begins with.
+
+    Raises:
+        BagError: too short for a header.
+    """
+    if len(data) < STAMP_END:
+        message = f'message of {len(data)} bytes is too short for a header'
+        raise BagError(message)
+    order = '<' if data[1] & 1 else '>'
+    seconds, nanoseconds = struct.unpack_from(f'{order}iI', data, STAMP_END - 8)
+    return int(seconds * _SECOND + nanoseconds)
 
 
 def compressed_image(stamp_ns: int, frame_id: str, data: bytes, format: str = 'jpeg') -> Any:

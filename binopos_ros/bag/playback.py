@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
 
 from binopos_ros.bag.errors import BagError
-from binopos_ros.bag.reader import BagReader, Record
+from binopos_ros.bag.reader import Record, TopicInfo
 from binopos_ros.parameters import option
 
 _SECOND = 10**9
@@ -52,17 +54,27 @@ class PlayerOptions:
     )
 
     def __post_init__(self) -> None:
-        for rule in self.remap:
-            source, separator, target = rule.partition(':=')
-            if not (source and separator and target):
-                message = f"remap rule '{rule}': write FROM:=TO"
-                raise BagError(message)
+        renaming(self.remap)
 
     def published_name(self, topic: str) -> str:
         """Absolute name under which a topic of the bag is published."""
-        rules = (rule.partition(':=') for rule in self.remap)
-        names = {absolute(source): absolute(target) for source, _, target in rules}
-        return names.get(absolute(topic), absolute(topic))
+        return renaming(self.remap)(topic)
+
+
+def renaming(rules: Sequence[str]) -> Callable[[str], str]:
+    """The absolute name that rules FROM:=TO give to a topic.
+
+    Raises:
+        BagError: a rule is malformed.
+    """
+    names: dict[str, str] = {}
+    for rule in rules:
+        source, separator, target = rule.partition(':=')
+        if not (source and separator and target):
+            message = f"remap rule '{rule}': write FROM:=TO"
+            raise BagError(message)
+        names[absolute(source)] = absolute(target)
+    return lambda topic: names.get(absolute(topic), absolute(topic))
 
 
 def absolute(topic: str) -> str:
@@ -70,7 +82,7 @@ def absolute(topic: str) -> str:
     return topic if topic.startswith('/') else f'/{topic}'
 
 
-def chosen_topics(reader: BagReader, wanted: tuple[str, ...]) -> list[str]:
+def chosen_topics(reader: Playable, wanted: tuple[str, ...]) -> list[str]:
     """The bag's topics that are wanted, all where nothing is.
 
     Raises:
@@ -83,6 +95,35 @@ def chosen_topics(reader: BagReader, wanted: tuple[str, ...]) -> list[str]:
             message = f'{reader.path}: no topic {topic} in this bag; its topics: {known}'
             raise BagError(message)
     return [by_name[absolute(topic)] for topic in wanted] if wanted else list(reader.topics)
+
+
+class Playable(Protocol):
+    """What the player plays: a `BagReader`, or a view of one."""
+
+    @property
+    def path(self) -> Path:
+        """Where the bag lies."""
+
+    @property
+    def topics(self) -> dict[str, TopicInfo]:
+        """Its topics by name."""
+
+    @property
+    def start_ns(self) -> int:
+        """Time of the first message."""
+
+    @property
+    def end_ns(self) -> int:
+        """Time of the last message."""
+
+    @property
+    def message_count(self) -> int:
+        """Number of messages."""
+
+    def messages(
+        self, topics: Collection[str] | None = None, start_ns: int | None = None
+    ) -> Iterator[Record]:
+        """Messages in the order of their log time."""
 
 
 class Schedule:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from binopos_ros import plain_yaml
+
 #: What `ros2 bag` prints for an unlimited duration.
 INFINITE_NS = 2**63 - 1
 
@@ -51,12 +53,10 @@ def parse_qos(text: str) -> list[Qos]:
     Both spellings are read: numbers (up to metadata version 8) and words (from version 9).
     A bag whose quality of service is unreadable still plays, with the default.
     """
-    import yaml
-
     try:
-        entries = yaml.safe_load(text) if text else None
+        entries = plain_yaml.load(text) if text else None
         return [_from_entry(entry) for entry in entries or []]
-    except (yaml.YAMLError, TypeError, ValueError, KeyError, AttributeError):
+    except (TypeError, ValueError, KeyError, AttributeError, OverflowError):
         return []
 
 

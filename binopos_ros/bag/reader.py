@@ -9,21 +9,26 @@ from __future__ import annotations
 
 import heapq
 import logging
-import shutil
 import tempfile
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from binopos_ros.bag.chunks import RawMessage
+from binopos_ros.bag.chunks import LARGEST, ChunkStore, RawMessage, unpack_file, unpacked_zstd
 from binopos_ros.bag.definitions import Definition, full_name, store_for
 from binopos_ros.bag.errors import BagError
-from binopos_ros.bag.index import FileIndex, Span, index_file, read_span
-from binopos_ros.bag.layout import find_layout
+from binopos_ros.bag.index import FileIndex, Span, index_file, messages_in, read_span
+from binopos_ros.bag.layout import find_files
 from binopos_ros.bag.qos import Qos, parse_qos
 
 _log = logging.getLogger('binopos.bag')
+
+
+#: Messages that may wait for their turn, each some 500 bytes beside its data.
+MOST_PENDING = 1 << 20
+#: What a file or a message compressed by zstd begins with; no CDR does.
+_ZSTD = b'\x28\xb5\x2f\xfd'
 
 
 class Record(NamedTuple):
@@ -33,6 +38,17 @@ class Record(NamedTuple):
     stamp_ns: int  #: log time: when it was recorded
     data: bytes  #: CDR, its 4-byte encapsulation header included
     publish_ns: int  #: when it was published; the log time where the recorder did not know
+
+
+class _Pending(NamedTuple):
+    """A message that waits for its turn: by its time, equal ones as they stand in the files."""
+
+    log_time: int
+    file_number: int
+    offset: int
+    start: int
+    span: Span
+    message: RawMessage
 
 
 @dataclass
@@ -67,10 +83,10 @@ class BagReader:
         self.warnings: list[str] = []
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
         self._stores: dict[str, Any] = {}
-        layout = find_layout(self.path)
-        self._zstd_messages = layout.zstd_messages
+        self._chunks = ChunkStore()
+        self._left_out: set[tuple[int, int]] = set()
         try:
-            self._files = self._index(layout.files)
+            self._files = self._index(find_files(self.path))
         except BaseException:
             self.close()
             raise
@@ -97,26 +113,52 @@ class BagReader:
         """Messages in the order of their log time, from `start_ns` on; `topics` None: all.
 
         Messages of the same time come in the order of the file. Only the chunks that overlap in
-        time are in memory at once.
+        time are in memory at once, and no more of them than `ChunkStore` holds.
+
+        Raises:
+            BagError: more messages overlap in time than can wait, or one is damaged.
         """
         wanted = None if topics is None else set(topics)
-        spans = self._spans(wanted, start_ns)
-        pending: list[tuple[int, int, int, int, RawMessage]] = []
-        for span, file_number in spans:
-            while pending and pending[0][0] < span.start_ns:
+        pending: list[_Pending] = []
+        try:
+            for span, file_number in self._spans(wanted, start_ns):
+                while pending and pending[0].log_time < span.start_ns:
+                    yield self._record(heapq.heappop(pending))
+                self._take_up(pending, span, file_number, wanted, start_ns)
+            while pending:
                 yield self._record(heapq.heappop(pending))
-            channels = self._files[file_number].channels
-            for position, message in enumerate(self._load(file_number, span)):
-                channel = channels.get(message.channel_id)
-                if (
-                    channel is not None
-                    and (wanted is None or channel.topic in wanted)
-                    and (start_ns is None or message.log_time >= start_ns)
-                ):
-                    key = (message.log_time, file_number, span.offset, position)
-                    heapq.heappush(pending, (*key, message))
-        while pending:
-            yield self._record(heapq.heappop(pending))
+        finally:
+            for waiting in pending:
+                self._chunks.release((waiting.file_number, waiting.span.offset))
+
+    def _take_up(
+        self,
+        pending: list[_Pending],
+        span: Span,
+        file_number: int,
+        wanted: set[str] | None,
+        start_ns: int | None,
+    ) -> None:
+        """Let the wanted messages of a span wait for their turn."""
+        channels = self._files[file_number].channels
+        key = (file_number, span.offset)
+        for message in messages_in(self._load(file_number, span)):
+            channel = channels.get(message.channel_id)
+            if (
+                channel is not None
+                and (wanted is None or channel.topic in wanted)
+                and (start_ns is None or message.log_time >= start_ns)
+            ):
+                place = (message.log_time, file_number, span.offset, message.start)
+                heapq.heappush(pending, _Pending(*place, span, message))
+                self._chunks.hold(key)
+        self._chunks.drop_unheld(key)
+        if len(pending) > MOST_PENDING:
+            error = (
+                f'{self.path}: more than {MOST_PENDING} of its messages overlap in time: put '
+                'them in order with `mcap sort`'
+            )
+            raise BagError(error)
 
     def decode(self, record: Record) -> Any:
         """The message as `rosbags` builds it; arrays are views of the record's bytes.
@@ -171,17 +213,10 @@ class BagReader:
     def _unpacked(self, file: Path) -> Path:
         if file.suffix != '.zstd':
             return file
-        import zstandard
-
         if self._temporary is None:
             self._temporary = tempfile.TemporaryDirectory(prefix='binopos_bag_')
         unpacked = Path(self._temporary.name) / file.stem
-        try:
-            with file.open('rb') as packed, unpacked.open('wb') as target:
-                shutil.copyfileobj(zstandard.ZstdDecompressor().stream_reader(packed), target)
-        except zstandard.ZstdError as error:
-            message = f'{file}: not a zstd file, or damaged: {error}'
-            raise BagError(message) from error
+        unpack_file(file, unpacked)
         return unpacked
 
     def _warn(self, line: str) -> None:
@@ -205,26 +240,33 @@ class BagReader:
             ]
         return sorted(spans, key=lambda item: (item[0].start_ns, item[1], item[0].offset))
 
-    def _load(self, file_number: int, span: Span) -> list[RawMessage]:
-        path = self._files[file_number].path
-        try:
-            return read_span(path, span)
-        except BagError as error:
-            self._warn(f'{path}: {error}; the chunk at byte {span.offset} is left out')
-            return []
-
-    def _record(self, item: tuple[int, int, int, int, RawMessage]) -> Record:
-        _, file_number, _, _, message = item
-        topic = self._files[file_number].channels[message.channel_id].topic
-        data = message.data
-        if self._zstd_messages:
-            import zstandard
-
+    def _load(self, file_number: int, span: Span) -> memoryview:
+        key = (file_number, span.offset)
+        records = self._chunks.get(key)
+        if records is None:
+            path = self._files[file_number].path
             try:
-                data = zstandard.ZstdDecompressor().decompress(data)
-            except zstandard.ZstdError as error:
-                reason = f'{self.path}: topic {topic}: message at {message.log_time} ns: {error}'
-                raise BagError(reason) from error
+                records = read_span(path, span)
+            except BagError as error:
+                records = memoryview(b'')
+                if key not in self._left_out:
+                    self._left_out.add(key)
+                    self._warn(f'{path}: {error}; the chunk at byte {span.offset} is left out')
+            self._chunks.put(key, records)
+        return records
+
+    def _record(self, pending: _Pending) -> Record:
+        message = pending.message
+        topic = self._files[pending.file_number].channels[message.channel_id].topic
+        records = self._load(pending.file_number, pending.span)
+        data = bytes(records[message.start : message.end])
+        self._chunks.release((pending.file_number, pending.offset))
+        if data.startswith(_ZSTD):
+            try:
+                data = bytes(unpacked_zstd(data, LARGEST, 'message'))
+            except BagError as error:
+                # As it stands it is refused by who decodes it, and costs only itself.
+                self._warn(f'{self.path}: topic {topic}: at {message.log_time} ns: {error}')
         return Record(topic, message.log_time, data, message.publish_time)
 
 

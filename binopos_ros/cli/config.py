@@ -44,10 +44,25 @@ def calibration_of(arguments: argparse.Namespace) -> dict[str, CameraInfo]:
     """
     if arguments.calibration is None:
         return {}
-    found = {side: read_camera_info(arguments.calibration / f'{side}.yaml') for side in SIDES}
+    return calibration_in(*(arguments.calibration / f'{side}.yaml' for side in SIDES))
+
+
+def calibration_in(left: Path, right: Path) -> dict[str, CameraInfo]:
+    """The calibrations in two files, by side.
+
+    Raises:
+        OpticsError: a file cannot be read, or the two make no rig.
+    """
+    found = {'left': read_camera_info(left), 'right': read_camera_info(right)}
     # What does not make a rig is refused before anything is played.
     stereo_from_camera_infos(found['left'], found['right'])
     return found
+
+
+def calibration_beside(bag: Path) -> tuple[()] | tuple[Path, Path]:
+    """The calibration files of a bag, named as its parameter file is; () where one is missing."""
+    left, right = (_beside(bag, f'{side}.yaml') for side in SIDES)
+    return () if left is None or right is None else (left, right)
 
 
 def layers(arguments: argparse.Namespace, bag: Path | None = None) -> list[Path]:
@@ -74,10 +89,14 @@ def ros_words(files: Sequence[Path], arguments: Sequence[str]) -> list[str]:
 
 def config_of_bag(bag: Path) -> Path | None:
     """The parameter file in a bag's folder; beside a single file NAME.mcap, NAME.binopos.yaml."""
-    names = [bag / BAG_CONFIG]
+    return _beside(bag, BAG_CONFIG)
+
+
+def _beside(bag: Path, name: str) -> Path | None:
+    paths = [bag / name]
     if not bag.is_dir():
-        names = [bag.parent / f'{bag.stem}.{BAG_CONFIG}', bag.parent / BAG_CONFIG]
-    return next((name for name in names if name.is_file()), None)
+        paths = [bag.parent / f'{bag.stem}.{name}', bag.parent / name]
+    return next((path for path in paths if path.is_file()), None)
 
 
 def parameters_of(

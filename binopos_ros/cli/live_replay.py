@@ -12,11 +12,11 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CameraInfo as CameraInfoMessage
 
-from binopos_ros.bag import BagReader, messages
+from binopos_ros.bag import messages
 from binopos_ros.bag.definitions import jazzy
 from binopos_ros.bag.playback import PlayerOptions
+from binopos_ros.cli.rig_bag import RigBag
 from binopos_ros.cli.status_line import StatusLine
-from binopos_ros.cli.stereo_topics import StereoTopics
 from binopos_ros.cli.supervisor import Supervisor
 from binopos_ros.node_options import Parameters
 from binopos_ros.nodes.monitor import Monitor
@@ -40,9 +40,8 @@ class Replay:
     """A bag on its way through the live nodes.
 
     Args:
-        reader: the bag.
+        bag: as the rig's.
         options: how it is played.
-        topics: the rig's.
         parameters: of the nodes, the player among them.
         calibration: camera_info by side, in the place of the bag's; empty: the bag's.
         report: is filled.
@@ -53,19 +52,18 @@ class Replay:
 
     def __init__(
         self,
-        reader: BagReader,
+        bag: RigBag,
         options: PlayerOptions,
-        topics: StereoTopics,
         parameters: Parameters,
         calibration: Mapping[str, CameraInfo],
         report: Report,
     ) -> None:
-        self._reader = reader
+        self._bag = bag
         self._options = options
-        self._topics = topics
+        self._namespace = bag.rig.namespace or '/'
         self._parameters = parameters
         self._latched = {
-            f'{topics.namespace}/{side}/camera_info': _latched(reader.start_ns, info)
+            f'{bag.rig.namespace}/{side}/camera_info': _latched(bag.start_ns, info)
             for side, info in calibration.items()
         }
         self._report = report
@@ -91,12 +89,12 @@ class Replay:
     def _play(self, supervisor: Supervisor) -> str:
         node = rclpy.create_node(
             'player',
-            namespace=self._topics.namespace,
+            namespace=self._namespace,
             parameter_overrides=overrides(self._parameters.given('player')),
         )
-        player = Player(node, self._reader, self._options, self._latched)
+        player = Player(node, self._bag, self._options, self._latched)
         offer_controls(node, player)
-        monitor = Monitor(self._topics.namespace, self._report, player.wall_time_of)
+        monitor = Monitor(self._namespace, self._report, player.wall_time_of)
         executor: Executor = EventsExecutor()
         for each in (node, monitor):
             executor.add_node(each)
@@ -113,9 +111,13 @@ class Replay:
             monitor.destroy_node()
             node.destroy_node()
         for topic, count in player.counts.items():
-            role, side = self._topics.roles.get(topic, ('', ''))
-            if role in ('compressed', 'raw'):
-                self._report.images[side] += count
+            role = self._bag.rig.roles.get(topic)
+            if role is not None and role.is_image:
+                self._report.images[role.side] += count
+        for note in (*self._bag.rig.notes, *self._bag.notes):
+            self._report.note(note)
+        for reason, count in self._bag.dropped.items():
+            self._report.drop(reason, count)
         return problem
 
     def _wait_for_nodes(self, executor: Executor, monitor: Monitor, supervisor: Supervisor) -> str:

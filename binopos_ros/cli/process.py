@@ -7,46 +7,47 @@ import ctypes
 import gc
 import sys
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
-from binopos_ros.bag import BagError, BagReader, BagWriter, messages
+from binopos_ros.bag import BagError, BagReader, BagWriter, Record, messages
+from binopos_ros.bag.by_stamp import merged
+from binopos_ros.bag.rig_topics import BOTH, RigTopics
+from binopos_ros.calibration.recorded import camera_info_of, first_calibration
 from binopos_ros.cli.config import (
     STAGES,
     add_calibration_argument,
     add_config_argument,
-    calibration_of,
     parameters_of,
 )
 from binopos_ros.cli.output import Output, Table
-from binopos_ros.cli.stereo_topics import StereoTopics
+from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
+from binopos_ros.detection.images import halves
 from binopos_ros.detection.stage import try_decode
-from binopos_ros.optics import CameraInfo
-from binopos_ros.optics.camera_info_message import read_camera_info_message
+from binopos_ros.optics import CameraInfo, OpticsError
 from binopos_ros.pipeline import Dropped, Event, Located, Pipeline
 from binopos_ros.report import Report
+from binopos_ros.sides import SIDES
 
 HELP = 'run a bag through the same stages offline, every pair, as fast as possible'
 
 #: JPEG decoding gives the interpreter's lock free, so that two cores are used.
 DECODERS = 2
 READ_AHEAD = 16
-#: Bytes of the encapsulation and of the stamp in a serialised header.
-AFTER_STAMP = 12
 GARBAGE_THRESHOLD = 50_000
 #: Parameters of mallopt(3).
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
 
 
-class _Image(NamedTuple):
-    side: str
+class _Images(NamedTuple):
+    sides: Sequence[str]
     stamp: int
     frame_id: str
-    decoded: Future[Frame | DetectionError]
+    decoded: Future[Sequence[Frame | DetectionError]]
 
 
 class _Calibration(NamedTuple):
@@ -63,6 +64,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--csv', type=Path, metavar='FILE', help='table of positions to write')
     add_config_argument(parser)
     add_calibration_argument(parser)
+    add_topic_arguments(parser)
+    add_remap_argument(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -71,12 +74,14 @@ def main(arguments: argparse.Namespace) -> int:
     _keep_memory()
     with ExitStack() as stack:
         reader = stack.enter_context(BagReader(arguments.bag))
-        calibration = calibration_of(arguments)
-        topics = StereoTopics.find(reader, calibrated=bool(calibration))
-        parameters = parameters_of(arguments, arguments.bag, topics.namespace)
+        topics, calibration = rig_of(reader, arguments)
+        for note in topics.notes:
+            report.note(note)
+        parameters = parameters_of(arguments, arguments.bag, topics.namespace or '/')
         report.parameters = parameters.sources
         pipeline = Pipeline({name: parameters.of_node(name) for name in STAGES})
-        for side, info in calibration.items():
+        for side in SIDES:
+            info = calibration.get(side) or first_calibration(reader, topics, side)
             pipeline.set_camera(side, info)
         writer = stack.enter_context(BagWriter(arguments.output))
         output = Output(writer, topics.namespace)
@@ -117,37 +122,45 @@ def _opened(path: Path) -> TextIO:
 
 def _events(
     reader: BagReader,
-    topics: StereoTopics,
+    topics: RigTopics,
     pipeline: Pipeline,
     pool: ThreadPoolExecutor,
     report: Report,
 ) -> Iterator[Event]:
-    """Everything the bag leads to, in its order, with the images decoded ahead in threads."""
-    waiting: deque[_Image | _Calibration] = deque()
+    """Everything the bag leads to, by its stamps, with the images decoded ahead in threads."""
+    waiting: deque[_Images | _Calibration] = deque()
     calibrations: dict[str, bytes] = {}
-    for record in reader.messages(topics.roles):
-        role, side = topics.roles[record.topic]
-        if role == 'camera_info':
+    for record in _records(reader, topics):
+        role = topics.roles[record.topic]
+        if role.kind == 'camera_info':
             # Cameras repeat it with every image; only the stamp in front differs.
-            body = record.data[AFTER_STAMP:]
-            if calibrations.get(side) == body:
+            body = record.data[messages.STAMP_END :]
+            if calibrations.get(role.side) == body:
                 continue
-            calibrations[side] = body
+            calibrations[role.side] = body
         try:
             message = reader.decode(record)
         except BagError as error:
             yield Dropped(record.stamp_ns, str(error))
             continue
-        if role == 'truth':
+        if role.kind == 'truth':
             report.truth.add(messages.stamp_of(message), messages.position_of(message))
-        elif role == 'camera_info':
-            info = read_camera_info_message(message, side)
-            waiting.append(_Calibration(side, info))
+        elif role.kind == 'camera_info':
+            try:
+                info = camera_info_of(message, role.side, rectified=topics.rectified)
+            except OpticsError as error:
+                report.note(f'a camera_info of the {role.side} camera is left out: {error}')
+                continue
+            waiting.append(_Calibration(role.side, info))
         else:
+            sides = SIDES if role.side == BOTH else (role.side,)
+            for side in sides:
+                report.saw(side)
+            if not message.header.frame_id:
+                report.note(f'{record.topic}: frame_id is empty, so that positions have no frame')
             stamp = messages.stamp_of(message)
-            report.saw(side)
-            decoded = pool.submit(try_decode, _image_of(message, role))
-            waiting.append(_Image(side, stamp, message.header.frame_id, decoded))
+            decoded = pool.submit(_decoded, _image_of(message, role.kind), len(sides))
+            waiting.append(_Images(sides, stamp, message.header.frame_id, decoded))
         while len(waiting) > READ_AHEAD:
             yield from _finish(waiting.popleft(), pipeline)
     while waiting:
@@ -155,14 +168,36 @@ def _events(
     yield from pipeline.flush()
 
 
-def _finish(item: _Image | _Calibration, pipeline: Pipeline) -> Iterator[Event]:
+def _records(reader: BagReader, topics: RigTopics) -> Iterator[Record]:
+    """The rig's messages by the stamps of its images."""
+    images = topics.of('image', 'left'), topics.of('image', 'right')
+    if images[0] == images[1]:
+        return reader.messages(topics.roles)
+    left = [*images[0], *topics.of('camera_info', 'left'), *topics.of('truth', '')]
+    right = [*images[1], *topics.of('camera_info', 'right')]
+    return merged(reader.messages, left, right, [*images[0], *images[1]])
+
+
+def _finish(item: _Images | _Calibration, pipeline: Pipeline) -> Iterator[Event]:
     if isinstance(item, _Calibration):
         pipeline.set_camera(item.side, item.info)
         return
-    yield from pipeline.add(item.side, item.stamp, item.frame_id, item.decoded.result())
+    for side, decoded in zip(item.sides, item.decoded.result(), strict=True):
+        yield from pipeline.add(side, item.stamp, item.frame_id, decoded)
 
 
-def _image_of(message: Any, role: str) -> JpegImage | RawImage:
-    if role == 'compressed':
+def _decoded(image: JpegImage | RawImage, views: int) -> Sequence[Frame | DetectionError]:
+    """The frames of the views that an image shows, or why there are none."""
+    frame = try_decode(image)
+    if views == 1 or isinstance(frame, DetectionError):
+        return [frame] * views
+    try:
+        return halves(frame)
+    except DetectionError as error:
+        return [error] * views
+
+
+def _image_of(message: Any, kind: str) -> JpegImage | RawImage:
+    if kind == 'compressed':
         return JpegImage(message.data)
     return RawImage(message.data, message.width, message.height, message.step, message.encoding)

@@ -12,13 +12,13 @@ from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.cli.config import (
     add_calibration_argument,
     add_config_argument,
-    calibration_of,
     layers,
     live_parameters,
     ros_words,
 )
+from binopos_ros.cli.rig_bag import RigBag
 from binopos_ros.cli.ros import require_ros
-from binopos_ros.cli.stereo_topics import StereoTopics
+from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
 from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments
 from binopos_ros.cli.transport import transport_environment
 from binopos_ros.node_options import NAMESPACE, Parameters
@@ -53,14 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='TOPIC',
         help="topics to play; default: the rig's images and calibrations, and the truth",
     )
-    parser.add_argument(
-        '-m',
-        '--remap',
-        nargs='+',
-        default=(),
-        metavar='FROM:=TO',
-        help='publish topics under other names',
-    )
+    add_topic_arguments(parser)
+    add_remap_argument(parser)
     parser.add_argument(
         '--clock',
         type=float,
@@ -89,16 +83,17 @@ def main(arguments: argparse.Namespace) -> int:
     require_ros()
     from binopos_ros.cli.live_replay import Replay
 
-    calibration = calibration_of(arguments)
     with BagReader(arguments.bag) as reader:
-        topics = StereoTopics.find(reader, calibrated=bool(calibration))
-        parameters = live_parameters(arguments, arguments.bag, topics.namespace)
+        found, calibration = rig_of(reader, arguments)
+        bag = RigBag(reader, found, arguments.remap)
+        namespace = found.namespace or '/'
+        parameters = live_parameters(arguments, arguments.bag, namespace)
         for name in NODES:
             parameters.check(name)
         clock = _clock(arguments, parameters)
         words = ['-p', 'use_sim_time:=true'] if clock else []
-        if topics.namespace != NAMESPACE:
-            words += ['-r', f'__ns:={topics.namespace}']
+        if namespace != NAMESPACE:
+            words += ['-r', f'__ns:={namespace}']
         supervisor = Supervisor(
             NODES,
             ros_words(layers(arguments, arguments.bag), [*words, *arguments.ros_arguments]),
@@ -106,8 +101,8 @@ def main(arguments: argparse.Namespace) -> int:
         )
         os.environ.update(transport_environment())
         report = Report(parameters=parameters.sources)
-        options = _player_options(arguments, parameters, topics, clock)
-        replay = Replay(reader, options, topics, parameters, calibration, report)
+        options = _player_options(arguments, parameters, bag, clock)
+        replay = Replay(bag, options, parameters, calibration, report)
         problem = replay.run(supervisor)
     if problem:
         print(f'binopos replay: {problem}', file=sys.stderr)
@@ -129,19 +124,18 @@ def _clock(arguments: argparse.Namespace, parameters: Parameters) -> float:
 
 
 def _player_options(
-    arguments: argparse.Namespace, parameters: Parameters, topics: StereoTopics, clock: float
+    arguments: argparse.Namespace, parameters: Parameters, bag: RigBag, clock: float
 ) -> PlayerOptions:
     """The player's parameters, under what was given on the command line."""
     typed = {
         'rate': arguments.rate,
         'loop': arguments.loop or None,
         'start_offset': arguments.start_offset,
-        'topics': tuple(arguments.topics) or None,
-        'remap': tuple(arguments.remap) or None,
+        'topics': tuple(map(bag.name_of, arguments.topics)) or None,
         'start_paused': arguments.start_paused or None,
         'wait_for_all_acked': arguments.wait_for_all_acked,
     }
-    values = {'topics': tuple(topics.roles), **parameters.of_node('player')}
+    values = {'topics': tuple(bag.rig.roles), **parameters.of_node('player')}
     values |= {name: value for name, value in typed.items() if value is not None}
     options: PlayerOptions = build(
         PlayerOptions, values | {'bag': str(arguments.bag), 'clock': clock}

@@ -206,6 +206,22 @@ def decode(image: JpegImage | RawImage) -> Frame:
     raise DetectionError(msg)
 
 
+def halves(frame: Frame) -> tuple[Frame, Frame]:
+    """Give the left and the right half of a side-by-side picture, a frame each.
+
+    Raises DetectionError where the width is odd.
+    """
+    if frame.width % 2:
+        msg = f'side-by-side picture of width {frame.width}: its halves differ'
+        raise DetectionError(msg)
+    half = frame.width // 2
+    left, right = (
+        ColourFrame(frame.window(x, 0, x + half, frame.height), rounding=frame.rounding)
+        for x in (0, half)
+    )
+    return left, right
+
+
 def decode_jpeg(data: Bytes) -> Picture:
     """Decode a whole JPEG to (height, width, 3) uint8, blue-green-red.
 

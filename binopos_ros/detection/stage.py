@@ -47,6 +47,8 @@ class CameraStage:
             decoded: the result of `try_decode`.
             survey: whether to tell of candidates elsewhere too; see `Detector.detect_in`.
         """
+        if stamp == 0:
+            return Detection(None, "the stamp is zero: the camera's driver sets none")
         if stamp == self._last_stamp:
             return Detection(None, 'the stamp was repeated')
         self._last_stamp = stamp

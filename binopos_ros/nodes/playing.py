@@ -16,8 +16,10 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rosgraph_msgs.msg import Clock
 
-from binopos_ros.bag import BagError, BagReader, Record
+from binopos_ros.bag import BagError, Record
+from binopos_ros.bag.messages import CAMERA_INFO
 from binopos_ros.bag.playback import (
+    Playable,
     PlayerOptions,
     ReadAhead,
     Schedule,
@@ -67,7 +69,7 @@ class Player:
     def __init__(
         self,
         node: Node,
-        reader: BagReader,
+        reader: Playable,
         options: PlayerOptions | None = None,
         latched: Mapping[str, Latched] | None = None,
     ) -> None:
@@ -231,11 +233,14 @@ class Player:
             ahead.stop()
 
     def _standing_before(self, start_ns: int) -> list[Record]:
-        """The last message of each topic whose messages hold until the next: calibrations."""
+        """The last message of each topic whose messages hold until the next: calibrations.
+
+        A calibration that the bag holds only later comes before the images too.
+        """
         standing = [
             topic
             for topic in self._publishers
-            if self._reader.topics[topic].type == 'sensor_msgs/msg/CameraInfo'
+            if self._reader.topics[topic].type == CAMERA_INFO
             or any(
                 offer.durability == 'transient_local' for offer in self._reader.topics[topic].qos
             )
@@ -246,6 +251,11 @@ class Player:
                 if record.stamp_ns >= start_ns:
                     break
                 last[record.topic] = record
+        for topic in standing:
+            if topic not in last and self._reader.topics[topic].type == CAMERA_INFO:
+                first = next(self._reader.messages([topic]), None)
+                if first is not None and first.stamp_ns > start_ns:
+                    last[topic] = first
         return list(last.values())
 
     def _wait_until(self, stamp_ns: int) -> bool:

@@ -10,14 +10,15 @@ import math
 import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml  # type: ignore[import-untyped]
+import yaml
 from numpy.typing import NDArray
 
+from binopos_ros import plain_yaml
 from binopos_ros.optics import ost
 from binopos_ros.optics.camera import PinholeCamera
 from binopos_ros.optics.errors import OpticsError
@@ -111,6 +112,28 @@ class CameraInfo:
             )
             raise OpticsError(msg)
         return camera
+
+    def of_rectified_pictures(self) -> CameraInfo:
+        """Return the calibration of the rectified pictures: P is their camera, without distortion.
+
+        Raises:
+            OpticsError: P holds no camera.
+
+        """
+        if not (self.p[0] > 0.0 and self.p[5] > 0.0):
+            msg = (
+                f'camera {self.name!r}: the pictures are rectified, which needs P, but P of'
+                ' camera_info has no focal length: take the pictures as they came (image_raw), or'
+                ' calibrate the two as a stereo pair'
+            )
+            raise OpticsError(msg)
+        return replace(
+            self,
+            distortion_model='plumb_bob',
+            d=(0.0,) * 5,
+            k=tuple(self.p[4 * row + column] for row in range(3) for column in range(3)),
+            r=CameraInfo.r,
+        )
 
     def contradictions(self) -> list[str]:
         """Return what in this calibration cannot be meant, one line each."""
@@ -264,11 +287,9 @@ def _text(path: PathLike) -> str:
 
 def _parse_yaml(text: str, path: PathLike) -> CameraInfo:
     try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        where = f', line {mark.line + 1}' if mark else ''
-        msg = f'{path}{where} is not valid YAML: {getattr(error, "problem", None) or error}'
+        data = plain_yaml.load(text)
+    except plain_yaml.PlainYamlError as error:
+        msg = f'{path} is not valid YAML: {error}'
         raise OpticsError(msg) from None
     if not isinstance(data, dict):
         msg = f'{path} is no camera_info file: it has no keys such as image_width'

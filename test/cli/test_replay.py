@@ -135,3 +135,73 @@ def test_a_bad_argument_is_one_line(bag, ros_domain, words, said):
     assert done.returncode == 2
     assert done.stderr.count('\n') == 1, done.stderr
     assert said in done.stderr
+
+
+@pytest.fixture(scope='module')
+def small_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp('small') / 'bag'
+    done = binopos('simulate', '-o', folder, '--preset', 'demo', '--pairs', PAIRS)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def joined(bag: Path, copy: Path) -> Path:
+    """The bag's two views side by side in one topic, under names that tell nothing."""
+    import cv2
+
+    from binopos_ros.bag import BagWriter, messages
+
+    views: dict[str, np.ndarray] = {}
+    with BagReader(bag) as reader, BagWriter(copy) as writer:
+        writer.add_topic('/zed/both', messages.IMAGE)
+        for side in ('left', 'right'):
+            writer.add_topic(f'/zed/{side}/camera_info', messages.CAMERA_INFO)
+        for record in reader.messages():
+            _, _, side, rest = record.topic.split('/', 3)
+            if rest == 'camera_info':
+                # Too late for all pictures but for a reader of the whole bag.
+                name, stamp = f'/zed/{side}/camera_info', record.stamp_ns + 3 * 10**9
+                writer.write(name, stamp, record.data)
+            elif rest == 'image_raw/compressed':
+                message = reader.decode(record)
+                views[side] = cv2.imdecode(message.data, cv2.IMREAD_COLOR)
+                if side == 'right':
+                    both = np.hstack([views['left'], views['right']])
+                    size = (both.shape[1], both.shape[0])
+                    picture = messages.image(
+                        stamp_of(message), 'cam', both.ravel(), size, 'bgr8', both.shape[1] * 3
+                    )
+                    writer.write('/zed/both', record.stamp_ns, picture)
+    return copy
+
+
+def test_side_by_side_views_with_late_calibrations_are_played_as_the_rig(
+    small_bag, ros_domain, tmp_path
+):
+    copy = joined(small_bag, tmp_path / 'both')
+    config = ('--config', small_bag / 'binopos.yaml')
+    done = binopos('replay', copy, '--side-by-side', '/zed/both', *config)
+    assert done.returncode == 0, done.stderr
+    assert figure(done.stdout, 'poses') == str(PAIRS)
+
+
+def test_images_of_other_names_are_played_as_the_rig(small_bag, ros_domain, tmp_path):
+    from binopos_ros.bag import BagWriter
+
+    names = {'/stereo/left/': '/port/', '/stereo/right/': '/starboard/'}
+
+    def name(topic: str) -> str:
+        for old, new in names.items():
+            topic = topic.replace(old, new)
+        return topic.replace('image_raw/compressed', 'jpeg')
+
+    copy = tmp_path / 'named'
+    with BagReader(small_bag) as reader, BagWriter(copy) as writer:
+        for topic, info in reader.topics.items():
+            writer.add_topic(name(topic), info.type)
+        for record in reader.messages():
+            writer.write(name(record.topic), record.stamp_ns, record.data)
+    words = ('--config', small_bag / 'binopos.yaml')
+    done = binopos('replay', copy, '--left', '/port/jpeg', '--right', '/starboard/jpeg', *words)
+    assert done.returncode == 0, done.stderr
+    assert figure(done.stdout, 'poses') == str(PAIRS)

@@ -1,0 +1,74 @@
+"""Two cameras' messages merged by the stamps of their images, however late they were logged.
+
+A recorder writes what arrives when it arrives: one camera's images may lie seconds behind those of
+the other in the file, although they were taken together. A reader of the whole bag can do better
+than the order of the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
+
+from binopos_ros.bag.errors import BagError
+from binopos_ros.bag.messages import serialized_stamp
+from binopos_ros.bag.reader import Record
+from binopos_ros.pairing import RESTART
+
+
+class _Stream:
+    """One camera's records in the order of the file, each with its place in the merged order.
+
+    The place is the stamp of the last image. Where stamps jump, because a recording was started
+    anew, it goes on by the time of logging instead, so that both cameras go through the jump
+    together.
+    """
+
+    def __init__(self, records: Iterator[Record], images: Collection[str]) -> None:
+        self._records = records
+        self._images = images
+        self._shift = 0  # place minus stamp
+        self._logged: int | None = None
+        self.place = 0
+        self.head: Record | None = None
+        self.advance()
+
+    def advance(self) -> None:
+        """Go on to the next record."""
+        self.head = next(self._records, None)
+        if self.head is not None and self.head.topic in self._images:
+            # One that is too short for a stamp is refused where it is decoded.
+            with suppress(BagError):
+                self._move(serialized_stamp(self.head.data), self.head.stamp_ns)
+
+    def _move(self, stamp: int, logged: int) -> None:
+        if self._logged is not None:
+            expected = self.place + logged - self._logged
+            if stamp + self._shift < self.place - RESTART:
+                # Back where it was before a jump, or somewhere new.
+                self._shift = 0 if abs(stamp - expected) < RESTART else expected - stamp
+            elif self._shift and abs(stamp - expected) < RESTART:
+                self._shift = 0
+        self.place, self._logged = stamp + self._shift, logged
+
+
+def merged(
+    messages: Callable[[Collection[str]], Iterator[Record]],
+    left: Collection[str],
+    right: Collection[str],
+    images: Collection[str],
+) -> Iterator[Record]:
+    """Records of both cameras' topics by the stamps of their images, left first where equal.
+
+    Args:
+        messages: gives the records of topics in the order of the file, as `BagReader.messages`.
+        left: topics of the left camera.
+        right: topics of the right camera.
+        images: those of them whose stamps count; the others stay before the image they precede.
+    """
+    streams = [_Stream(messages(topics), images) for topics in (left, right)]
+    while waiting := [stream for stream in streams if stream.head is not None]:
+        stream = min(waiting, key=lambda each: each.place)
+        assert stream.head is not None
+        yield stream.head
+        stream.advance()
