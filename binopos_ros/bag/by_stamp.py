@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from binopos_ros.bag.errors import BagError
 from binopos_ros.bag.messages import serialized_stamp
-from binopos_ros.bag.reader import Record
+from binopos_ros.bag.records import Record
 from binopos_ros.pairing import RESTART
 
 

@@ -56,13 +56,14 @@ def definition_of(type_name: str) -> Definition:
 
 
 def store_for(type_name: str, definition: Definition) -> Any:
-    """A typestore that reads `type_name` as the given definition says.
+    """A typestore that reads `type_name` as its definition says; Jazzy's where that is empty.
 
     Raises:
         BagError: the definition cannot be parsed.
     """
     store = jazzy()
-    if type_name in store.types and definition.text.rstrip('\n') == definition_of(type_name).text:
+    ours = ('', definition_of(type_name).text) if type_name in store.types else ()
+    if definition.text.rstrip('\n') in ours:
         return store
     from rosbags.typesys import (
         Stores,

@@ -105,12 +105,9 @@ def index_file(path: Path, *, name: str | None = None) -> FileIndex:
             raise BagError(message)
         magic = stream.read(len(MAGIC))
         if magic != MAGIC:
-            if path.suffix in ('.db3', '.bag'):
-                message = f'{name}: a bag in sqlite3 or ROS 1 format: convert it to MCAP'
-                raise BagError(message)
             message = (
                 f'{name}: not an MCAP file (it begins with {magic!r}): '
-                'give a bag in MCAP format, or convert it with `ros2 bag convert`'
+                'give a bag of rosbag2 (.mcap, .db3) or of ROS 1 (.bag)'
             )
             raise BagError(message)
         stream.seek(-min(size, len(MAGIC)), os.SEEK_END)

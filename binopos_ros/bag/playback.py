@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from binopos_ros.bag.errors import BagError
-from binopos_ros.bag.reader import Record, TopicInfo
+from binopos_ros.bag.records import Record, TopicInfo
 from binopos_ros.parameters import option
 
 _SECOND = 10**9

@@ -22,7 +22,8 @@ from binopos_ros.bag.messages import (
     POSE_WITH_COVARIANCE,
 )
 from binopos_ros.bag.playback import absolute, renaming
-from binopos_ros.bag.reader import BagReader, TopicInfo
+from binopos_ros.bag.reader import BagReader
+from binopos_ros.bag.records import TopicInfo
 from binopos_ros.sides import SIDES
 
 #: Of a side-by-side topic: each picture shows both cameras' views.
