@@ -11,12 +11,11 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import NamedTuple, TextIO
 
 from binopos_ros.bag import BagError, BagReader, BagWriter, Record, messages
 from binopos_ros.bag.by_stamp import merged
 from binopos_ros.bag.rig_topics import BOTH, RigTopics
-from binopos_ros.calibration.recorded import camera_info_of, first_calibration
 from binopos_ros.cli.config import (
     STAGES,
     add_calibration_argument,
@@ -24,9 +23,10 @@ from binopos_ros.cli.config import (
     parameters_of,
 )
 from binopos_ros.cli.output import Output, Table
+from binopos_ros.cli.recorded_calibration import camera_info_of, first_calibration
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
-from binopos_ros.detection.images import halves
+from binopos_ros.detection.images import halves, image_of
 from binopos_ros.detection.stage import try_decode
 from binopos_ros.optics import CameraInfo, OpticsError
 from binopos_ros.pipeline import Dropped, Event, Located, Pipeline
@@ -159,7 +159,7 @@ def _events(
             if not message.header.frame_id:
                 report.note(f'{record.topic}: frame_id is empty, so that positions have no frame')
             stamp = messages.stamp_of(message)
-            decoded = pool.submit(_decoded, _image_of(message, role.kind), len(sides))
+            decoded = pool.submit(_decoded, image_of(message), len(sides))
             waiting.append(_Images(sides, stamp, message.header.frame_id, decoded))
         while len(waiting) > READ_AHEAD:
             yield from _finish(waiting.popleft(), pipeline)
@@ -195,9 +195,3 @@ def _decoded(image: JpegImage | RawImage, views: int) -> Sequence[Frame | Detect
         return halves(frame)
     except DetectionError as error:
         return [error] * views
-
-
-def _image_of(message: Any, kind: str) -> JpegImage | RawImage:
-    if kind == 'compressed':
-        return JpegImage(message.data)
-    return RawImage(message.data, message.width, message.height, message.step, message.encoding)

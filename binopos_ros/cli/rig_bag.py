@@ -14,9 +14,9 @@ from binopos_ros.bag import BagError, BagReader, Record, TopicInfo, messages
 from binopos_ros.bag.definitions import definition_of, jazzy
 from binopos_ros.bag.playback import absolute, renaming
 from binopos_ros.bag.rig_topics import BOTH, SUFFIXES, RigTopics, Role
-from binopos_ros.calibration.recorded import camera_info_of
-from binopos_ros.detection import DetectionError, JpegImage, RawImage
-from binopos_ros.detection.images import decode, halves
+from binopos_ros.cli.recorded_calibration import camera_info_of
+from binopos_ros.detection import DetectionError
+from binopos_ros.detection.images import decode, halves, image_of
 from binopos_ros.sides import SIDES
 
 _Translate = Callable[[Record], Iterable[Record]]
@@ -110,7 +110,7 @@ class RigBag:
     def _translated(self, record: Record, names: list[str]) -> Iterable[Record]:
         role = self._found.roles.get(record.topic)
         if role is not None and role.side == BOTH:
-            return self._halved(record, role.kind, names)
+            return self._halved(record, names)
         if role is not None and role.kind == 'camera_info':
             return self._calibration(record, role.side, names[0])
         return [record._replace(topic=names[0])]
@@ -139,17 +139,10 @@ class RigBag:
         own = messages.camera_info(messages.stamp_of(message), str(message.header.frame_id), info)
         return bytes(jazzy().serialize_cdr(own, messages.CAMERA_INFO))[messages.STAMP_END :]
 
-    def _halved(self, record: Record, kind: str, names: list[str]) -> Iterable[Record]:
+    def _halved(self, record: Record, names: list[str]) -> Iterable[Record]:
         try:
             message = self._reader.decode(record)
-            picture: JpegImage | RawImage = (
-                JpegImage(message.data)
-                if kind == 'compressed'
-                else RawImage(
-                    message.data, message.width, message.height, message.step, message.encoding
-                )
-            )
-            frames = dict(zip(SIDES, halves(decode(picture)), strict=True))
+            frames = dict(zip(SIDES, halves(decode(image_of(message))), strict=True))
         except (BagError, DetectionError) as error:
             self._drop(str(error))
             return []
