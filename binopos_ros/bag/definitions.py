@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from binopos_ros.bag.errors import BagError
 
+#: Package and name of a message type.
+TYPE_NAME = re.compile(r'([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)')
 _SEPARATOR = '=' * 80
 
 
@@ -116,11 +119,18 @@ def installed_definition(type_name: str, type_hash: str = '') -> Definition:
     return Definition('ros2msg', '\n'.join(part.rstrip('\n') for part in parts), type_hash)
 
 
+def ament_prefixes() -> list[Path]:
+    """Where packages of ROS are installed, overlays first; with wheels, Python's own prefix."""
+    sourced = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(prefix) for prefix in (*sourced, sys.prefix) if prefix]
+
+
 def _installed_text(type_name: str) -> str:
-    package, _, name = type_name.partition('/msg/')
-    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
-        path = Path(prefix) / 'share' / package / 'msg' / f'{name}.msg'
-        if prefix and path.is_file():
+    named = TYPE_NAME.fullmatch(type_name)
+    for prefix in ament_prefixes() if named else ():
+        assert named is not None
+        path = prefix / 'share' / named[1] / 'msg' / f'{named[2]}.msg'
+        if path.is_file():
             return path.read_text(encoding='utf-8')
     message = f"no definition of '{type_name}' is installed: source the workspace that has it"
     raise BagError(message)
