@@ -6,6 +6,9 @@ import csv
 import re
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +17,11 @@ import pytest
 from binopos_ros.bag import BagReader
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 
-pytest.importorskip('rclpy', reason='rclpy is not installed')
+rclpy = pytest.importorskip('rclpy', reason='rclpy is not installed')
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue  # noqa: E402
+from geometry_msgs.msg import PoseWithCovarianceStamped  # noqa: E402
+from rclpy.node import Node  # noqa: E402
 
 pytestmark = pytest.mark.live
 
@@ -145,6 +152,15 @@ def small_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope='module')
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A second of the washbowl."""
+    folder = tmp_path_factory.mktemp('short') / 'bag'
+    done = binopos('simulate', '-o', folder, '--preset', 'washbowl', '--pairs', 30)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
 def joined(bag: Path, copy: Path) -> Path:
     """The bag's two views side by side in one topic, under names that tell nothing."""
     import cv2
@@ -205,3 +221,65 @@ def test_images_of_other_names_are_played_as_the_rig(small_bag, ros_domain, tmp_
     done = binopos('replay', copy, '--left', '/port/jpeg', '--right', '/starboard/jpeg', *words)
     assert done.returncode == 0, done.stderr
     assert figure(done.stdout, 'poses') == str(PAIRS)
+
+
+def test_cameras_that_are_swapped_by_remap_are_swapped_once(short, ros_domain):
+    """Twice is not at all: the nodes then find every pair where it was."""
+    sides = ('left', 'right')
+    rules = [
+        f'/stereo/{a}/image_raw/compressed:=/stereo/{b}/image_raw/compressed'
+        for a, b in (sides, sides[::-1])
+    ]
+    done = binopos('replay', short, '--remap', *rules)
+    assert 'Traceback' not in done.stderr
+    assert figure(done.stdout, 'pairs seen') == '30'
+    assert figure(done.stdout, 'pairs used') == '0'
+
+
+@pytest.mark.parametrize(
+    'words',
+    [
+        ['--clock'],
+        ['--ros-args', '-p', 'use_sim_time:=true'],
+        ['--ros-args', '-p', 'smoother:output_rate:=60.0'],
+    ],
+    ids=['clock', 'use_sim_time', 'output_rate'],
+)
+def test_it_ends_and_gives_poses_by_whatever_clock(short, ros_domain, words):
+    done = binopos('replay', short, *words)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert figure(done.stdout, 'pairs used') == '30'
+    assert int(figure(done.stdout, 'poses')) >= (30 if 'output_rate' not in words[-1] else 20)
+
+
+@contextmanager
+def neighbour() -> Iterator[Node]:
+    """A node of somebody else on the same domain, which spins beside the test."""
+    context = rclpy.Context()
+    rclpy.init(context=context, args=[])
+    node = rclpy.create_node('neighbour', namespace='stereo', context=context)
+    executor = rclpy.executors.SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    thread = threading.Thread(target=executor.spin, daemon=True)
+    thread.start()
+    yield node
+    executor.shutdown()
+    thread.join(5.0)
+    rclpy.try_shutdown(context=context)
+
+
+def test_other_suites_are_told_from_ones_own(short, ros_domain):
+    """A neighbour's drops are not counted; a second suite on the same topics is refused."""
+    status = DiagnosticStatus(name='rig_2/detector: stage')
+    status.values = [KeyValue(key='Dropped: left: nothing red', value='7')]
+    with neighbour() as node:
+        diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        node.create_timer(0.2, lambda: diagnostics.publish(DiagnosticArray(status=[status])))
+        done = binopos('replay', short)
+        assert done.returncode == 0, done.stderr
+        assert figure(done.stdout, 'dropped') == '0'
+        node.create_publisher(PoseWithCovarianceStamped, 'target/pose', 10)
+        done = binopos('replay', short)
+    assert done.returncode == 2
+    (line,) = (line for line in done.stderr.splitlines() if line.startswith('binopos replay'))
+    assert '/stereo/target/pose is published by 2 nodes: /stereo/neighbour, ' in line
