@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.pipeline import Dropped, Event, Located
-from binopos_ros.reasons import kind_of
+from binopos_ros.reasons import count_reason
 
 MILLI = 1e3
 
@@ -87,7 +87,7 @@ class Report:
 
     def drop(self, reason: str, count: int = 1) -> None:
         """Count a drop; figures in the reason do not part it from its like."""
-        self.drops[kind_of(reason)] += count
+        count_reason(self.drops, reason, count)
 
     def __str__(self) -> str:
         rows = [

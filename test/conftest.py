@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,13 +28,34 @@ def shared_data() -> Path:
     return folder
 
 
+@pytest.fixture(scope='session')
+def locked_domain() -> Iterator[int]:
+    """A ROS domain that this process has to itself for as long as it runs."""
+    # Domains above 101 collide with the ephemeral ports of Linux.
+    for number in range(100):
+        domain = 1 + (os.getpid() + number) % 100
+        path = Path(tempfile.gettempdir()) / f'binopos_test_domain_{domain}.lock'
+        try:
+            lock = path.open('w')
+        except OSError:
+            # Another user's.
+            continue
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            continue
+        yield domain
+        lock.close()
+        return
+    pytest.fail('every ROS domain is taken by another run of the tests')
+
+
 @pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> int:
+def ros_domain(locked_domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> int:
     """A ROS domain that no other test on this machine talks on, confined to this machine."""
     pytest.importorskip('rclpy', reason='rclpy is not installed')
-    # Domains above 101 collide with the ephemeral ports of Linux; processes differ in their pid.
-    domain = 1 + os.getpid() % 100
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(locked_domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'ros_log'))
-    return domain
+    return locked_domain

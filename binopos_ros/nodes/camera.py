@@ -67,6 +67,7 @@ class CameraNode(StageNode):
         self._told = dict.fromkeys(self._rig.cameras, '')
         self._published = dict.fromkeys(SIDES, 0)
         self._faults: dict[tuple[str, str], int] = {}
+        self._counted: dict[str, int] = {}
         self._warning = ''
         self._known = recall(memory_file())
         for error in self._rig.check().values():
@@ -216,8 +217,9 @@ class CameraNode(StageNode):
             drops[f'{side}: flagged as damaged by the driver'] = health.corrupt
             drops[f'{side}: lost by the driver'] = health.lost
         for reason, count in drops.items():
-            fresh = count - self._diagnostics.dropped[reason]
+            fresh = count - self._counted.get(reason, 0)
             if fresh:
+                self._counted[reason] = count
                 self._diagnostics.drop(reason, fresh)
         self._diagnostics.published = sum(self._published.values())
 

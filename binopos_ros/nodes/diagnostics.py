@@ -12,7 +12,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from binopos_ros.nodes.neighbours import intruders
 from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode
-from binopos_ros.reasons import kind_of
+from binopos_ros.reasons import count_reason, shown
 
 PERIOD = 1.0
 WINDOW = 10
@@ -58,8 +58,8 @@ class StageDiagnostics:
 
     def drop(self, reason: str, count: int = 1) -> None:
         """Count something that this stage could not use; figures in the reason do not part it."""
-        self.dropped[kind_of(reason)] += count
-        self._last_drop = reason
+        count_reason(self.dropped, reason, count)
+        self._last_drop = shown(reason)
 
     def judge_input(self, topic: str, problem: str) -> None:
         """Keep what is wrong with a topic's newest message, '' where it is well; log it once."""
