@@ -31,11 +31,12 @@ class Rounding(NamedTuple):
 
 
 class JpegHeader(NamedTuple):
-    """Width and height in pixels, and how coarse the picture is."""
+    """Width and height in pixels, how coarse the picture is, and of how many components."""
 
     width: int
     height: int
     rounding: Rounding
+    components: int
 
 
 def read_header(octets: npt.NDArray[np.uint8]) -> JpegHeader:
@@ -63,11 +64,11 @@ def read_header(octets: npt.NDArray[np.uint8]) -> JpegHeader:
         elif marker == _START_OF_SCAN:
             break
         place = end
-    if len(frame) < 5:
+    if len(frame) < 6:
         msg = f'JPEG of {octets.size} bytes has no frame header: it is corrupt'
         raise DetectionError(msg)
     _, height, width = struct.unpack_from('>BHH', frame)
-    return JpegHeader(width, height, _rounding(frame[6:], tables))
+    return JpegHeader(width, height, _rounding(frame[6:], tables), frame[5])
 
 
 def _variances(segment: bytes) -> dict[int, float]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -55,13 +57,32 @@ def packed(bgr, encoding):
     if encoding in ('bgra8', 'rgba8'):
         colours = bgr if encoding == 'bgra8' else bgr[..., ::-1]
         return np.dstack([colours, np.full(bgr.shape[:2], 255, np.uint8)])
+    if encoding in ('8UC3', '8UC4'):
+        return packed(bgr, 'bgr8' if encoding == '8UC3' else 'bgra8')
+    if encoding.endswith('16'):
+        # The lower byte is noise to a detector of 256 levels.
+        high = packed(bgr, f'{encoding.removesuffix("16")}8').astype('<u2')
+        return (high * 256 + 77).view(np.uint8)
     if encoding.startswith('bayer'):
         return mosaic(bgr, encoding[6:10])
+    if encoding == 'nv12':
+        return nv12(bgr)
+    if encoding in ('uyvy', 'yuv422'):
+        return yuyv(bgr)[..., ::-1]
     return yuyv(bgr)
 
 
+def nv12(bgr):
+    """The brightness, and below it the colours of squares of four pixels."""
+    pairs = yuyv(bgr)
+    colours = pairs[..., 1].astype(float)
+    means = (colours[::2] + colours[1::2]) / 2
+    return np.vstack([pairs[..., 0], np.round(means).astype(np.uint8)])
+
+
 def message(bgr, encoding, padding=0):
-    rows = packed(bgr, encoding).reshape(bgr.shape[0], -1)
+    values = packed(bgr, encoding)
+    rows = np.ascontiguousarray(values).reshape(values.shape[0], -1)
     padded = np.pad(rows, ((0, 0), (0, padding)), constant_values=77)
     return RawImage(padded.tobytes(), bgr.shape[1], bgr.shape[0], padded.shape[1], encoding)
 
@@ -69,6 +90,7 @@ def message(bgr, encoding, padding=0):
 ALL = (
     'bgr8', 'rgb8', 'bgra8', 'rgba8', 'yuv422_yuy2', 'yuyv',
     'bayer_rggb8', 'bayer_bggr8', 'bayer_gbrg8', 'bayer_grbg8',
+    '8UC3', '8UC4', 'rgb16', 'bgr16', 'bayer_rggb16', 'bayer_gbrg16', 'uyvy', 'yuv422', 'nv12',
 )  # fmt: skip
 
 
@@ -105,6 +127,46 @@ def test_reduced_pixels_are_the_means_of_their_blocks(picture, encoding):
     # Across an edge a mosaic's colours are interpolated in the one and not in the other.
     flat = (blocks.max((1, 3)) - blocks.min((1, 3))).max(axis=2) < 12
     assert off[flat if encoding.startswith('bayer') else ...].max() <= 3
+
+
+@pytest.mark.parametrize('encoding', ['rgb16', 'bayer_rggb16'])
+def test_the_order_of_the_bytes_is_heeded(picture, encoding):
+    image = message(picture, encoding)
+    swapped = np.frombuffer(image.data, '<u2').astype('>u2').tobytes()
+    swapped = dataclasses.replace(image, data=swapped, big_endian=True)
+    whole = [decode(each).window(0, 0, 320, 256) for each in (image, swapped)]
+    assert np.array_equal(*whole)
+
+
+@pytest.mark.parametrize('kind', [np.uint8, np.uint16])
+def test_a_png_gives_the_same_centre(picture, kind):
+    pixels = picture.astype(kind) * (256 if kind is np.uint16 else 1)
+    data = cv2.imencode('.png', pixels)[1].tobytes()
+    target = Detector().detect(JpegImage(data)).target
+    assert target.centre == pytest.approx(CENTRE, abs=0.05)
+
+
+@pytest.mark.parametrize('ending', ['.png', '.jpg'])
+def test_a_grey_picture_is_named_as_grey(picture, ending):
+    data = cv2.imencode(ending, picture[..., 1])[1].tobytes()
+    with pytest.raises(DetectionError, match='has no colour: the red target needs'):
+        decode(JpegImage(data))
+
+
+@pytest.mark.parametrize(
+    ('cut', 'reason'), [(12, 'has no header'), (60, 'corrupt PNG'), (-40, 'corrupt PNG')]
+)
+def test_a_png_that_was_cut_short_is_refused(picture, cut, reason):
+    data = cv2.imencode('.png', picture)[1].tobytes()
+    with pytest.raises(DetectionError, match=reason):
+        decode(JpegImage(data[:cut]))
+
+
+def test_a_png_that_promises_too_much_is_refused_before_it_is_unpacked(picture):
+    data = bytearray(cv2.imencode('.png', picture)[1].tobytes())
+    data[16:24] = (60_000).to_bytes(4, 'big') * 2
+    with pytest.raises(DetectionError, match='60000 x 60000'):
+        decode(JpegImage(bytes(data)))
 
 
 @pytest.mark.parametrize('quality', [75, 95])
@@ -155,7 +217,7 @@ GOOD = cv2.imencode('.jpg', np.full((48, 64, 3), 90, np.uint8))[1].tobytes()
         (raw(step=2**40, data=bytes(9999)), 'short'),
         (raw(encoding='mono8'), 'has no colour'),
         (raw(encoding='mono16'), 'has no colour'),
-        (raw(encoding='nv21'), "encoding 'nv21' is unknown"),
+        (raw(encoding='nv24'), "encoding 'nv24' is unknown"),
         (raw(encoding=''), "encoding '' is unknown"),
         (raw(width=31, encoding='yuv422_yuy2'), 'pairs'),
     ],

@@ -18,6 +18,7 @@ from binopos_ros.sides import SIDES
 SUFFIXES = ('.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp')
 SIDE = re.compile(r'(?<![a-z])(left|right)(?![a-z])', re.IGNORECASE)
 MONO = ('mono8', '8UC1')
+DEEP_MONO = ('mono16', '16UC1')
 
 Load = Callable[[], np.ndarray]
 
@@ -160,8 +161,14 @@ def grey_picture(image: JpegImage | RawImage, stamp: int) -> np.ndarray:
         if grey is None:
             raise CalibrationError(f'the picture at {stamp / 1e9:.3f} is damaged: leave it out')
         return np.asarray(grey)
-    if image.encoding in MONO:
-        rows = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)
-        return rows[:, : image.width]
+    if image.encoding in (*MONO, *DEEP_MONO):
+        rows = np.frombuffer(image.data, np.uint8)
+        if rows.size < image.height * image.step:
+            raise CalibrationError(f'the picture at {stamp / 1e9:.3f} is cut short: leave it out')
+        rows = rows[: image.height * image.step].reshape(image.height, image.step)
+        if image.encoding in DEEP_MONO:
+            # The upper of the two bytes.
+            rows = rows[:, 0 if image.big_endian else 1 :: 2]
+        return np.ascontiguousarray(rows[:, : image.width])
     frame = decode(image)
     return cv2.cvtColor(frame.window(0, 0, frame.width, frame.height), cv2.COLOR_BGR2GRAY)
