@@ -24,7 +24,8 @@ check: $(VENV)/ready
 # Figures of speed and accuracy, each beside a peer in the same run; a quarter of an hour.
 bench: $(VENV)/ready
 	$(BIN)/pip install --quiet -r requirements-bench.txt
-	for name in optics index detection smoothing bags rendering pipeline; do \
+	for name in optics/speed triangulation/index detection/speed smoothing/speed bag/libraries \
+		simulation/rendering pipeline; do \
 		echo "== bench/$$name.py"; $(BIN)/python bench/$$name.py || exit 1; done
 
 # The part of `make test` on real camera drivers, in a virtual machine; it installs QEMU.

@@ -1,4 +1,4 @@
-"""Tuned defaults of every filter, found by ``python bench/tune_filters.py``."""
+"""Tuned defaults of every filter, found by ``python bench/smoothing/tune.py``."""
 
 from __future__ import annotations
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'detection'))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import matplotlib as mpl
 import numpy as np
-import rendered
 
+import rendered
 from binopos_ros.detection import Detector, JpegImage, RawImage
 
 mpl.use('Agg')

@@ -2,7 +2,7 @@
 
 python docs/figures/smoothing_tables.py [--figure FILE.png]
 
-Everything is seeded; it takes a few minutes. Times per step are bench/smoothing.py's.
+Everything is seeded; it takes a few minutes. Times per step are bench/smoothing/speed.py's.
 """
 
 from __future__ import annotations

@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import pytest
 
+import fake_kernel
 from binopos_ros.capture import kernel as v4l2
-
-_spec = importlib.util.spec_from_file_location(
-    'fake_kernel', Path(__file__).with_name('fake_kernel.py')
-)
-fake_kernel = sys.modules['fake_kernel'] = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(fake_kernel)
 
 PATH = '/dev/video0'
 

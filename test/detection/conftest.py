@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
@@ -13,22 +10,13 @@ from xml.etree import ElementTree
 
 import pytest
 
-
-def _load(name: str) -> ModuleType:
-    path = Path(__file__).with_name(f'{name}.py')
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
+import rendered as independent_renderer
 
 
 @pytest.fixture(scope='session')
-def rendered() -> Iterator[ModuleType]:
-    """The independent renderer, `rendered.py` beside this file."""
-    return _load('rendered')
+def rendered() -> ModuleType:
+    """The independent renderer."""
+    return independent_renderer
 
 
 SIDES_OF_A_BOX = ('xmin', 'ymin', 'xmax', 'ymax')

@@ -6,6 +6,15 @@ import math
 
 import numpy as np
 import pytest
+from scipy import optimize
+
+from binopos_ros.optics import FlatInterface, OpticsError
+from binopos_ros.optics.column import mean_index
+from binopos_ros.triangulation import triangulate
+from binopos_ros.triangulation.errors import TriangulationError
+from binopos_ros.triangulation.evidence import gather_evidence
+from binopos_ros.triangulation.index import IndexEstimator
+from binopos_ros.triangulation.paper import frame_index
 from index_settings import (
     COVARIANCE,
     PIXEL_STD,
@@ -17,15 +26,6 @@ from index_settings import (
     run,
     trial,
 )
-from scipy import optimize
-
-from binopos_ros.optics import FlatInterface, OpticsError
-from binopos_ros.optics.column import mean_index
-from binopos_ros.triangulation import triangulate
-from binopos_ros.triangulation.errors import TriangulationError
-from binopos_ros.triangulation.evidence import gather_evidence
-from binopos_ros.triangulation.index import IndexEstimator
-from binopos_ros.triangulation.paper import frame_index
 
 
 @pytest.fixture(scope='module')

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from index_settings import COVARIANCE, PIXEL_STD, SETTINGS, correlated, images, path, run
 
 from binopos_ros.triangulation.following import OUTLIER
 from binopos_ros.triangulation.index import IndexEstimator
+from index_settings import COVARIANCE, PIXEL_STD, SETTINGS, correlated, images, path, run
 
 
 def test_gross_outliers_neither_move_it_nor_make_it_sure():

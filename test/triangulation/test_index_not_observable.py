@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from index_settings import COVARIANCE, PIXEL_STD, flat, images, rig_through, run
 
 from binopos_ros.triangulation.following import NOT_OBSERVABLE
 from binopos_ros.triangulation.index import IndexEstimator
+from index_settings import COVARIANCE, PIXEL_STD, flat, images, rig_through, run
 
 SEEN_EQUALLY = {
     'over the middle of the baseline': (

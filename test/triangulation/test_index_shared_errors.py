@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from index_settings import PIXEL_STD, SETTINGS, flat, images, path, rig_through, run
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.index import IndexEstimator
+from index_settings import PIXEL_STD, SETTINGS, flat, images, path, rig_through, run
 
 
 def test_a_known_floor_shows_the_index_where_the_rays_do_not():

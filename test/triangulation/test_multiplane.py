@@ -1,28 +1,24 @@
 """Real dots behind glass in water, two cameras: OpenPTV's multiplane example.
 
-The fits live in `bench/multiplane.py`, which prints the same figures.
+`bench/triangulation/multiplane.py` prints the figures of the same fits.
 """
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+import multiplane_fits
+
 WATER_AT_20_C = 1.333
 
 
 @pytest.fixture(scope='module')
-def multiplane(project: Path) -> ModuleType:
-    """The bench's functions."""
-    spec = importlib.util.spec_from_file_location('multiplane', project / 'bench/multiplane.py')
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def multiplane() -> ModuleType:
+    """The fits."""
+    return multiplane_fits
 
 
 @pytest.fixture(scope='module')

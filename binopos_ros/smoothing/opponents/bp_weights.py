@@ -1,4 +1,4 @@
-"""The network of the BP-Kalman filter, from ``python bench/tune_filters.py``."""
+"""The network of the BP-Kalman filter, from ``python bench/smoothing/tune.py``."""
 
 HIDDEN = [
     [0.41275, 0.89971, 0.36728, -0.68222, 0.2317, 0.00239, -0.2613, 0.00943],

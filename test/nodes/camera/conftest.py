@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 import threading
-from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
+
+import fake_kernel as fakes
 
 rclpy = pytest.importorskip('rclpy', reason='rclpy is not installed')
 
@@ -24,11 +23,6 @@ from binopos_ros.node_options import Parameters  # noqa: E402
 from binopos_ros.nodes.camera import CameraNode  # noqa: E402
 from binopos_ros.nodes.running import overrides  # noqa: E402
 from binopos_ros.optics.camera_info import CameraInfo, write_camera_info  # noqa: E402
-
-_path = Path(__file__).parents[2] / 'capture' / 'fake_kernel.py'
-_spec = importlib.util.spec_from_file_location('fake_kernel_of_nodes', _path)
-fakes = sys.modules['fake_kernel_of_nodes'] = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(fakes)
 
 
 class Rig:

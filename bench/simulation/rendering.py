@@ -1,6 +1,6 @@
 """The simulator: how true its pictures are, and what they cost.
 
-    python bench/rendering.py
+    python bench/simulation/rendering.py
 
 Bias is the centre of mass of a white disc's light in the dark against the centroid of its
 outline, of which 4000 points are traced one by one; over 8 places each. Times are of one

@@ -1,9 +1,9 @@
 """The live refractive index: how honest, how near its bound, and how fast.
 
-    python bench/index.py            # both tables
-    python bench/index.py --runs 0   # speed alone
+    python bench/triangulation/index.py            # both tables
+    python bench/triangulation/index.py --runs 0   # speed alone
 
-Honesty: for every setting of test/triangulation/index_settings.py (the tests' own), runs of 20
+Honesty: for every setting of test/scenes/index_settings.py (the tests' own), runs of 20
 pairs with a true index drawn from the prior, errors against the stated deviation (chi-square: 1
 is right) and against the Cramer-Rao bound. Here the draws are free; the test draws by strata.
 
@@ -14,15 +14,18 @@ triangulation, and a general least-squares fit of point and index (scipy).
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
-from types import ModuleType
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import cv2
 import numpy as np
-from of_the_tests import module_of_the_tests
 from scipy import optimize
 
+import index_settings
 from binopos_ros.optics import FlatInterface, StereoRig
 from binopos_ros.optics.uncertain_rig import UncertainRig
 from binopos_ros.triangulation import triangulate
@@ -32,18 +35,19 @@ from binopos_ros.triangulation.index import IndexEstimator
 PRIOR_STD = 0.015
 
 
-def honesty(test: ModuleType, runs: int) -> None:
+def honesty(runs: int) -> None:
     random = np.random.default_rng(1)
     print(
-        f'{runs} runs of 20 pairs per setting, {test.PIXEL_STD} px, prior 1.355 +- {PRIOR_STD}\n'
+        f'{runs} runs of 20 pairs per setting, {index_settings.PIXEL_STD} px, '
+        f'prior 1.355 +- {PRIOR_STD}\n'
     )
     print('| setting | one pair | 20 pairs, bound | RMS error / bound | chi-square |')
     print('|---|---|---|---|---|')
     every = []
-    for name, setting in test.SETTINGS.items():
-        points = test.path(setting, 200, random)
-        one = 1.0 / np.linalg.norm(test.information(setting.rig, points), axis=1)
-        errors, stds, bound = test.trial(name, runs, 20, PRIOR_STD, random, strata=False)
+    for name, setting in index_settings.SETTINGS.items():
+        points = index_settings.path(setting, 200, random)
+        one = 1.0 / np.linalg.norm(index_settings.information(setting.rig, points), axis=1)
+        errors, stds, bound = index_settings.trial(name, runs, 20, PRIOR_STD, random, strata=False)
         squares = (errors / stds) ** 2
         every.append(squares)
         print(
@@ -55,13 +59,15 @@ def honesty(test: ModuleType, runs: int) -> None:
     print(f'| all {len(squares)} runs | | | | {squares.mean():.3f} +- {chance:.3f} |')
 
 
-def speed(test: ModuleType) -> None:
-    setting = test.SETTINGS['washbowl, corner']
+def speed() -> None:
+    setting = index_settings.SETTINGS['washbowl, corner']
     rig, random = setting.rig, np.random.default_rng(2)
-    points = test.path(setting, 500, random)
+    points = index_settings.path(setting, 500, random)
     points[:, 2] = 1.25
-    pixels = test.images(rig, points) + test.PIXEL_STD * random.standard_normal((500, 4))
-    covariance = test.COVARIANCE
+    pixels = index_settings.images(
+        rig, points
+    ) + index_settings.PIXEL_STD * random.standard_normal((500, 4))
+    covariance = index_settings.COVARIANCE
     errors = np.diag([0.0 if 'ind' in name else 1e-6 for name in rig.parameter_names])
     plain = IndexEstimator(1.34, PRIOR_STD)
     aided = IndexEstimator(1.34, PRIOR_STD, known_plane=KnownPlane((0, 0, 1), 1.25, 1e-3))
@@ -81,7 +87,7 @@ def speed(test: ModuleType) -> None:
     def fit(row: np.ndarray) -> None:
         def residual(unknown: np.ndarray) -> np.ndarray:
             found = rig.with_target_index(unknown[3]).project(unknown[:3])
-            return (np.concatenate(found) - row) / test.PIXEL_STD
+            return (np.concatenate(found) - row) / index_settings.PIXEL_STD
 
         start = triangulate(rig, row[:2], row[2:]).points
         optimize.least_squares(residual, [*start, rig.target_index], x_scale='jac')
@@ -157,10 +163,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--runs', type=int, default=400, help='per setting; 0: speed alone')
     runs = parser.parse_args().runs
-    test = module_of_the_tests('triangulation/index_settings.py')
     if runs:
-        honesty(test, runs)
-    speed(test)
+        honesty(runs)
+    speed()
 
 
 if __name__ == '__main__':

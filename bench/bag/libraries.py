@@ -1,6 +1,6 @@
 """Bags beside the libraries that also read and write them, in one run.
 
-    python bench/bags.py [--pairs 300] [--bytes 200000]
+    python bench/bag/libraries.py [--pairs 300] [--bytes 200000]
 
 Reads and decodes a bag of JPEG pairs, and writes it; each figure is the best of seven, all taking
 turns. Peak memory is what reading allocates. Ours alone checks the chunks' checksums on the way.

@@ -1,8 +1,8 @@
 """How fast are bent rays: this project beside AquaCal and OpenCV, in one run.
 
-Run as `python bench/optics.py`; with `aquacal` installed in the same environment (pip install
-aquacal) its columns are filled in, otherwise the table says so. The scene is the paper's: two
-cameras with five distortion terms, 230 mm apart, 0.8 m above water. OpenCV's functions know no
+Run as `python bench/optics/speed.py`; with `aquacal` installed in the same environment (pip
+install aquacal) its columns are filled in, otherwise the table says so. The scene is the paper's:
+two cameras with five distortion terms, 230 mm apart, 0.8 m above water. OpenCV's functions know no
 refraction; they are here as the floor. Every figure is the best of several runs.
 """
 

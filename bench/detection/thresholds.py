@@ -1,6 +1,6 @@
 """How much the answers on real pictures hang on each threshold.
 
-Run as `python bench/detection_thresholds.py`.
+Run as `python bench/detection/thresholds.py`.
 
 Runs the detector over the real pictures of red buoys with one option changed at a time.
 """
@@ -8,14 +8,11 @@ Runs the detector over the real pictures of red buoys with one option changed at
 from __future__ import annotations
 
 import csv
-import sys
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from binopos_ros.detection import Detector, Frame, JpegImage, decode
 
-DATA = Path(__file__).resolve().parent.parent.parent / 'shared' / 'data' / 'robosub-red-buoy'
+DATA = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'robosub-red-buoy'
 CLEAR, OPEN = (100, 200, 300, 400, 900, 1000), (0, 500, 600, 700, 1100, 1400)
 CHANGES: tuple[dict[str, float], ...] = (
     {},

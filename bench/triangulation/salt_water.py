@@ -5,7 +5,7 @@ under 0.49 m of water. Salt is added without stirring: in each of 100 experiment
 another mean index, 1.33 to 1.38, and a gradient (50 layers), and the target lies elsewhere. An
 experiment is 300 pairs (10 s at 30 Hz) of 0.1 px of noise.
 
-    python bench/salt_water.py
+    python bench/triangulation/salt_water.py
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Whether the centre's covariance tells its errors.
 
-    python bench/detection_covariance.py [SCENES]
+    python bench/detection/covariance.py [SCENES]
 
 Rendered discs of random size (8 to 120 px), tilt, blur, noise and colours, each as a raw picture,
 a JPEG of quality 70 to 95, YUYV and a colour mosaic. NSE is the mean normalised squared error: 2
@@ -12,11 +12,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import numpy as np
-from of_the_tests import module_of_the_tests
 
+import rendered
 from binopos_ros.detection import Detector, JpegImage, RawImage
 
 RANGES = ((8, 12), (12, 20), (20, 40), (40, 121))
@@ -33,7 +33,6 @@ def mosaic(picture: np.ndarray) -> np.ndarray:
 
 def main() -> int:
     scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 600
-    rendered = module_of_the_tests('detection/rendered.py')
     rng = np.random.default_rng(5)
     rows: dict[str, list[Row]] = {}
     for k in range(scenes):

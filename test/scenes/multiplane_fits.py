@@ -1,16 +1,12 @@
 """A real tank: four planes of dots seen by two cameras through air, glass and water.
 
-Run as `python bench/multiplane.py [FOLDER]`, FOLDER being the OpenPTV multiplane example (see its
-SOURCE.md; the default is ../shared/data/openptv-multiplane). It prints the 3-D errors with the
-published calibration, the errors on a plane that the refit has not seen, and the refractive index
-left free with its uncertainty. The same functions serve `test/triangulation/test_multiplane.py`.
-
-The world frame is the dots' (z towards the cameras); lengths are metres.
+The data are OpenPTV's multiplane example. Its published calibration, refits of the cameras, and
+the water's index left free, for the tests and for `bench/triangulation/multiplane.py`. The world
+frame is the dots' (z towards the cameras); lengths are metres.
 """
 
 from __future__ import annotations
 
-import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -22,8 +18,6 @@ from scipy.stats import t as student
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.triangulation import triangulate
-
-PROJECT = Path(__file__).resolve().parent.parent
 
 PIXEL = 0.00586e-3  # m
 SIZE = (1920, 1200)
@@ -184,26 +178,3 @@ def free_index(folder: Path) -> FreeIndex:
     images = [index((camera, plane)) for camera in CAMERAS for plane in PLANES]
     planes = [index(*((camera, plane) for camera in CAMERAS)) for plane in PLANES]
     return FreeIndex(best, own, jackknife(images), jackknife(planes))
-
-
-def main() -> None:
-    """Print the tables."""
-    default = PROJECT.parent / 'shared' / 'data' / 'openptv-multiplane'
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else default
-    poses = [published(folder, camera) for camera in (1, 2)]
-    print('3-D RMS of 1620 dots, mm            published calibration')
-    for method in ('refractive', 'paper', 'straight'):
-        print(f'  {method:<33}{rms(located(folder, poses, PLANES, Media(), method)):.3f}')
-    print('refit on planes 1, 2, 4             plane 3, unseen')
-    for name, media in (('bent', Media()), ('pinhole', Media(bent=False))):
-        fitted = refit(folder, (1, 2, 4), media)[0]
-        print(f'  {name:<33}{rms(located(folder, fitted, (3,), media, "refractive")):.3f}')
-    found = free_index(folder)
-    print(f'water index left free, 95 %         {found.index:.4f} +- {found.interval:.4f}')
-    print('  standard deviation if one erred as one:')
-    for name in ('dots', 'images', 'planes'):
-        print(f'  {name:<33}{getattr(found, name):.4f}')
-
-
-if __name__ == '__main__':
-    main()

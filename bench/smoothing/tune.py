@@ -1,8 +1,8 @@
 """Tune the filters and write the values into binopos_ros/smoothing/tuned.py.
 
-python bench/tune_filters.py [FILTER ...] tunes these (default: all), each with the same optimiser,
-budget and training sequences; test sequences are never looked at. After the default filter its
-covariance is calibrated; --calibrate does that alone.
+python bench/smoothing/tune.py [FILTER ...] tunes these (default: all), each with the same
+optimiser, budget and training sequences; test sequences are never looked at. After the default
+filter its covariance is calibrated; --calibrate does that alone.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from binopos_ros.smoothing import tuned
 from binopos_ros.smoothing.opponents import bp_weights
 
 OURS = 'cloud-kalman'
-WEIGHTS_HEADER = '''"""The BP-Kalman filter's network, from ``python bench/tune_filters.py``."""
+WEIGHTS_HEADER = '''"""The BP-Kalman filter's network, from ``python bench/smoothing/tune.py``."""
 '''
-HEADER = '''"""Tuned defaults of every filter, found by ``python bench/tune_filters.py``."""
+HEADER = '''"""Tuned defaults of every filter, found by ``python bench/smoothing/tune.py``."""
 
 from __future__ import annotations
 

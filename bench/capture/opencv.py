@@ -1,7 +1,7 @@
 """What an MJPG frame costs, beside cv2.VideoCapture and v4l2-ctl, on one device in one run.
 
-    python bench/capture.py /dev/video0     on a camera of this machine
-    python bench/capture.py                 on a virtual camera in the camera lab
+    python bench/capture/opencv.py /dev/video0     on a camera of this machine
+    python bench/capture/opencv.py                 on a virtual camera in the camera lab
 
 The cost is processor time (user and system) per frame while the stream runs; a camera sets the
 pace, so elapsed time would say nothing. "ours" fetches a frame, copies it once into what a ROS
@@ -30,7 +30,7 @@ from binopos_ros.capture.stream import copied
 from binopos_ros.capture.v4l2 import Device
 from binopos_ros.nodes.camera import image_messages
 
-PROJECT = Path(__file__).resolve().parent.parent
+PROJECT = Path(__file__).resolve().parents[2]
 LAB = PROJECT / 'test' / 'camera_lab'
 FRAMES, ROUNDS = 150, 5
 WARM_UP = 10

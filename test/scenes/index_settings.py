@@ -1,6 +1,6 @@
 """Rigs over which the index is observable, and runs of the live estimate on them.
 
-The tests of the index share it, and `bench/index.py`.
+The tests of the index share it, and `bench/triangulation/index.py`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """How exact bent rays are: round trips, steps of the solver and derivatives, for every stack.
 
-Run as `python bench/geometry.py`. Per stack of layers, 105 rays of 0 to 85 degrees of incidence
-(up to total reflection where that comes first), the surface leaning by half of the incidence:
+Run as `python bench/optics/geometry.py`. Per stack of layers, 105 rays of 0 to 85 degrees of
+incidence (up to total reflection where that comes first), the surface leaning by half of that:
 
 round trip   pixel -> bent ray -> point 1 m into the target's medium -> pixel, the largest change
 steps        the most that the ray's equation took, and took on average, at 0 to 89 degrees in the
@@ -13,9 +13,14 @@ derivatives  analytic against central differences, relative to the largest, for 
 
 from __future__ import annotations
 
-import numpy as np
-from of_the_tests import module_of_the_tests
+import sys
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
+
+import numpy as np
+
+import layer_stacks
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic
 from binopos_ros.optics.stack import ParallelStack
@@ -82,15 +87,14 @@ def derivatives(rig: StereoRig, points: np.ndarray) -> float:
 
 def main() -> None:
     """Print one line per stack."""
-    shared = module_of_the_tests('optics/conftest.py')
     points = np.random.default_rng(3).uniform([-0.5, -0.4, 1.15], [0.6, 0.4, 2.5], (105, 3))
     print('| layers | round trip, px | steps, most | steps, mean | derivatives |')
     print('|---|---|---|---|---|')
-    for name, rig in shared.RIGS.items():
+    for name, rig in layer_stacks.RIGS.items():
         trip, most, mean = '', '', ''
-        if name in shared.STACKS:
-            trip = f'{round_trip(*shared.STACKS[name]):.1e}'
-            most, mean = (f'{value:.3g}' for value in steps(*shared.STACKS[name]))
+        if name in layer_stacks.STACKS:
+            trip = f'{round_trip(*layer_stacks.STACKS[name]):.1e}'
+            most, mean = (f'{value:.3g}' for value in steps(*layer_stacks.STACKS[name]))
         print(f'| {name} | {trip} | {most} | {mean} | {derivatives(rig, points):.1e} |')
 
 

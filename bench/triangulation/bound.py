@@ -1,6 +1,7 @@
 """How near triangulation comes to what the pixels can tell: the Cramer-Rao bound, over ten rigs.
 
-Run as `python bench/bound.py [--points N]`. Random points, pixel noise of about 0.1 px.
+Run as `python bench/triangulation/bound.py [--points N]`. Random points, pixel noise of about
+0.1 px.
 
 bound    RMS over the points of the bound's 3-D standard deviation (projection differenced), mm
 RMS      of the 3-D error over the bound's
@@ -11,10 +12,14 @@ straight RMS 3-D error of straight rays, as if there were no surface, mm
 from __future__ import annotations
 
 import argparse
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import numpy as np
-from of_the_tests import module_of_the_tests
 
+import ten_rigs
 from binopos_ros.triangulation import triangulate
 
 LEFT = np.array([[0.010, 0.004], [0.004, 0.020]])  # px^2
@@ -26,18 +31,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description='Triangulation against the Cramer-Rao bound.')
     parser.add_argument('--points', type=int, default=10_000)
     count = parser.parse_args().points
-    shared = module_of_the_tests('triangulation/conftest.py')
     rng = np.random.default_rng(0)
     points = rng.uniform([-0.25, -0.25, 1.0], [0.4, 0.25, 1.6], (count, 3))
     print('| rig | bound, mm | RMS | NSE | straight, mm |')
     print('|---|---|---|---|---|')
-    for name, rig in shared.RIGS.items():
+    for name, rig in ten_rigs.RIGS.items():
         left, right = rig.project(points)
         left = left + rng.standard_normal(left.shape) @ np.linalg.cholesky(LEFT).T
         right = right + rng.standard_normal(right.shape) @ np.linalg.cholesky(RIGHT).T
         found = triangulate(rig, left, right, LEFT, RIGHT)
         errors = found.points - points
-        best = shared.inverse_information(rig, points, LEFT, RIGHT)
+        best = ten_rigs.inverse_information(rig, points, LEFT, RIGHT)
         bound = np.sqrt(np.trace(best, axis1=1, axis2=2).mean())
         rms = np.sqrt((errors**2).sum(axis=1).mean())
         squared = np.linalg.solve(found.covariances, errors[:, :, None])[:, :, 0]

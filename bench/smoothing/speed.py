@@ -1,6 +1,6 @@
 """Time per step of the smoothers beside filterpy's predict and update.
 
-python bench/smoothing.py
+python bench/smoothing/speed.py
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Speed of the detector at 1280 x 960, beside what a user would write and beside AprilTag.
 
-Run as `python bench/detection.py`. One thread, one run; times are those of the CPU, so other
+Run as `python bench/detection/speed.py`. One thread, one run; times are those of the CPU, so other
 programs matter little; ratios are of the medians, to the plain script. The peer pupil-apriltags
 is left out, with a line saying so, where it is not installed.
 """
@@ -8,12 +8,8 @@ is left out, with a line saying so, where it is not installed.
 from __future__ import annotations
 
 import statistics
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import cv2
 import numpy as np

@@ -1,9 +1,9 @@
 """Time and truth of the calibrations, beside OpenCV's, on rendered pictures and simulated rigs.
 
-python bench/calibration.py                 both tables
-python bench/calibration.py --rigs 500      more rigs in the second one
-python bench/calibration.py --only stereo   the first alone
-python bench/calibration.py --middle        boards in the middle of the pictures alone
+python bench/calibration/truth.py                 both tables
+python bench/calibration/truth.py --rigs 500      more rigs in the second one
+python bench/calibration/truth.py --only stereo   the first alone
+python bench/calibration/truth.py --middle        boards in the middle of the pictures alone
 """
 
 from __future__ import annotations

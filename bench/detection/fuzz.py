@@ -1,4 +1,4 @@
-"""Malformed images by the hundred thousand: `python bench/fuzz_detection.py [COUNT] [SEED]`.
+"""Malformed images by the hundred thousand: `python bench/detection/fuzz.py [COUNT] [SEED]`.
 
 Half are JPEGs with bytes changed, cut, doubled or left out, half raw images whose sizes, steps,
 encodings and amounts of data lie. Counts what the detector answered; any exception ends the run.
@@ -10,9 +10,6 @@ import collections
 import re
 import sys
 import time
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import cv2
 import numpy as np

@@ -1,32 +1,38 @@
 """Free-running cameras: what a skew does to a moving target, and what is left of it.
 
-    python bench/skew.py
+    python bench/triangulation/skew.py
 
-The scenes of test/triangulation/test_skew.py (the same code): the paper's rig over water, 0.05 px,
+The scenes of the tests, test/scenes/skewed_target.py: the paper's rig over water, 0.05 px,
 200 pairs at 30 per second, the right image so many frame periods after the left one.
 """
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
+
 import numpy as np
-from of_the_tests import module_of_the_tests
+
+import skewed_target
 
 SKEWS = (-0.45, -0.2, 0.2, 0.45)
 
 
 def main() -> None:
-    test = module_of_the_tests('triangulation/test_skew.py')
-
     def rms_and_square(name: str, skew: float, triggered: bool) -> tuple[float, float]:
-        target = test.PATHS[name]
-        stage = test.triangulator(triggered=triggered)
-        errors, square = test.misses(test.positions(stage, test.seen(target, skew)), target)
+        target = skewed_target.PATHS[name]
+        stage = skewed_target.triangulator(triggered=triggered)
+        errors, square = skewed_target.misses(
+            skewed_target.positions(stage, skewed_target.seen(target, skew)), target
+        )
         return 1e3 * float(np.sqrt((errors**2).sum(axis=1).mean())), square
 
     print('3-D RMS in mm, and mean normalised squared error (3 is right)\n')
     print('| target | skew, periods | same instant | as it is | | brought along | |')
     print('|---|---|---|---|---|---|---|')
-    for name in test.PATHS:
+    for name in skewed_target.PATHS:
         together, _ = rms_and_square(name, 0.0, False)
         for skew in SKEWS:
             before, square = rms_and_square(name, skew, True)
