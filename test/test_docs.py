@@ -23,7 +23,7 @@ def test_links_lead_to_files(path):
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
 def test_scripts_and_verbs_that_are_named_exist(path):
     text = path.read_text()
-    for script in re.findall(r'python ((?:bench|docs/figures)/\w+\.py)', text):
+    for script in re.findall(r'python ((?:bench|docs/figures)/[\w/]+\.py)', text):
         assert (PROJECT / script).is_file(), script
     # In code only: prose may speak of what binopos is.
     for verb in re.findall(r'(?:^|`)binopos ([a-z]+)', text, re.MULTILINE):
