@@ -49,6 +49,41 @@ def option(
     return dataclasses.field(default=default, metadata=metadata)
 
 
+def check_options(options: Any, error: type[ValueError]) -> None:
+    """Refuse what lies outside of the choices and ranges that an options dataclass states itself.
+
+    For its `__post_init__`, so that options made in code are held to what parameter files are.
+
+    Raises:
+        error: a value of another kind, not finite, out of range, or not among the choices.
+    """
+    for field in dataclasses.fields(options):
+        value, metadata = getattr(options, field.name), field.metadata
+        if metadata.get('choices'):
+            if value not in metadata['choices']:
+                known = ', '.join(metadata['choices'])
+                msg = f'option {field.name} is {value!r}; it must be one of {known}'
+                raise error(msg)
+        elif isinstance(field.default, bool):
+            if not isinstance(value, bool):
+                msg = f'option {field.name} is {value!r}; it must be true or false'
+                raise error(msg)
+        elif metadata.get('range') and isinstance(field.default, (int, float)):
+            whole = isinstance(field.default, int)
+            good = isinstance(value, int if whole else (int, float))
+            if not good or isinstance(value, bool) or not math.isfinite(value):
+                wanted = 'a whole number' if whole else 'a finite number'
+                msg = f'option {field.name} is {value!r}; it must be {wanted}'
+                raise error(msg)
+            lowest, highest = metadata['range']
+            if not lowest <= value <= highest:
+                unit = f' {metadata["unit"]}' if metadata.get('unit') else ''
+                msg = (
+                    f'option {field.name} is {value}; it must be from {lowest} to {highest}{unit}'
+                )
+                raise error(msg)
+
+
 @dataclasses.dataclass(frozen=True)
 class ParameterSpec:
     """One parameter as a user sees it.

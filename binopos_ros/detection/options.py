@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Literal
 
-from binopos_ros.parameters import option
+from binopos_ros.parameters import check_options, option
 
 from .errors import DetectionError
 
@@ -26,22 +25,18 @@ class TargetOptions:
     )
 
     def __post_init__(self) -> None:
-        if self.shape not in SHAPES:
-            msg = f'target.shape is {self.shape!r}: choose one of {", ".join(SHAPES)}'
-            raise DetectionError(msg)
+        check_options(self, DetectionError)
 
 
 @dataclass(frozen=True)
 class DetectorOptions:
     """How to find the target. Raises DetectionError where a value is out of its range."""
 
-    method: Literal['subpixel', 'paper'] = field(
-        default='subpixel',
-        metadata={
-            'description': 'subpixel: red against its surroundings, centre to hundredths of a '
-            'pixel; paper: R and G against fixed levels, middle of the four extremes',
-            'choices': METHODS,
-        },
+    method: Literal['subpixel', 'paper'] = option(
+        'subpixel',
+        'subpixel: red against its surroundings, centre to hundredths of a pixel; paper: R and G '
+        'against fixed levels, middle of the four extremes',
+        choices=METHODS,
     )
     min_diameter: float = option(
         6.0, 'Smallest major axis of the outline of a target', 'px', (3.0, 4000.0)
@@ -109,17 +104,7 @@ class DetectorOptions:
     )
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            msg = f'method is {self.method!r}: choose one of {", ".join(METHODS)}'
-            raise DetectionError(msg)
-        for each in fields(self):
-            value, span = getattr(self, each.name), each.metadata.get('range')
-            if span is None:
-                continue
-            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if not (is_number and math.isfinite(value) and span[0] <= value <= span[1]):
-                msg = f'{each.name} is {value!r}: give a number in {span[0]} .. {span[1]}'
-                raise DetectionError(msg)
+        check_options(self, DetectionError)
         if self.min_diameter > self.max_diameter:
             msg = (
                 f'min_diameter is {self.min_diameter} and max_diameter {self.max_diameter}: '

@@ -6,11 +6,10 @@ Fields are those of ``binopos_ros.parameters.option``, from which a node declare
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from binopos_ros.parameters import option
+from binopos_ros.parameters import check_options, option
 from binopos_ros.smoothing.errors import SmoothingError
 from binopos_ros.smoothing.tuned import TUNED
 
@@ -47,8 +46,7 @@ class Options:
     )
 
     def __post_init__(self) -> None:
-        for item in dataclasses.fields(self):
-            _check(item, getattr(self, item.name))
+        check_options(self, SmoothingError)
 
 
 def tuned_options(filter_name: str) -> Callable[[type[OptionsT]], type[OptionsT]]:
@@ -83,23 +81,3 @@ def build(cls: type[OptionsT], filter_name: str, values: Mapping[str, Any]) -> O
     except SmoothingError as error:
         msg = f'{filter_name}: {error}'
         raise SmoothingError(msg) from None
-
-
-def _check(item: dataclasses.Field[Any], value: Any) -> None:
-    default = item.default
-    if isinstance(default, str):
-        choices = item.metadata['choices']
-        if value not in choices:
-            msg = f'option {item.name} is {value!r}; it must be one of {", ".join(choices)}'
-            raise SmoothingError(msg)
-        return
-    wanted = 'a whole number' if isinstance(default, int) else 'a finite number'
-    good = isinstance(value, int if isinstance(default, int) else (int, float))
-    if not good or isinstance(value, bool) or not math.isfinite(value):
-        msg = f'option {item.name} is {value!r}; it must be {wanted}'
-        raise SmoothingError(msg)
-    lowest, highest = item.metadata['range']
-    if not lowest <= value <= highest:
-        unit = f' {item.metadata["unit"]}' if item.metadata['unit'] else ''
-        msg = f'option {item.name} is {value}; it must be from {lowest} to {highest}{unit}'
-        raise SmoothingError(msg)

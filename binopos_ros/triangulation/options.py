@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.optics import FlatInterface, OpticsError
 from binopos_ros.optics.disc import unit_vector
-from binopos_ros.parameters import UnfinishedError, option
+from binopos_ros.parameters import UnfinishedError, check_options, option
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.index import IndexEstimator
@@ -172,9 +172,7 @@ class DiscOptions:
     )
 
     def __post_init__(self) -> None:
-        if not 0 <= self.diameter <= 10:
-            msg = f'target.diameter is {self.diameter}: give metres, 0 to 10'
-            raise TriangulationError(msg)
+        check_options(self, TriangulationError)
         if self.normal:
             try:
                 unit_vector(np.array(self.normal, float))
