@@ -385,7 +385,9 @@ def _camera_of_ost(
     for key, count in wanted.items():
         found = len(numbers.get(key, ()))
         if not found or (count is not None and found != count):
-            msg = f'{path}: [{name}] needs {count or "some"} numbers under {key!r}, not {found}'
+            msg = (
+                f'{path}: [{name[:80]}] needs {count or "some"} numbers under {key!r}, not {found}'
+            )
             raise OpticsError(msg)
     width, height = (size.get(key, (0.0,)) for key in ('width', 'height'))
     return CameraInfo(
