@@ -7,13 +7,16 @@ than the order of the file.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 
 from binopos_ros.bag.errors import BagError
 from binopos_ros.bag.messages import serialized_stamp
+from binopos_ros.bag.reader import BagReader
 from binopos_ros.bag.records import Record
+from binopos_ros.bag.rig_topics import RigTopics
 from binopos_ros.pairing import RESTART
+from binopos_ros.sides import SIDES
 
 
 class _Stream:
@@ -52,21 +55,21 @@ class _Stream:
         self.place, self._logged = stamp + self._shift, logged
 
 
-def merged(
-    messages: Callable[[Collection[str]], Iterator[Record]],
-    left: Collection[str],
-    right: Collection[str],
-    images: Collection[str],
-) -> Iterator[Record]:
-    """Records of both cameras' topics by the stamps of their images, left first where equal.
+def by_stamp(reader: BagReader, topics: RigTopics) -> Iterator[Record]:
+    """The rig's messages by the stamps of its images, left first where equal.
 
-    Args:
-        messages: gives the records of topics in the order of the file, as `BagReader.messages`.
-        left: topics of the left camera.
-        right: topics of the right camera.
-        images: those of them whose stamps count; the others stay before the image they precede.
+    The others stay before the image that they precede in the file.
     """
-    streams = [_Stream(messages(topics), images) for topics in (left, right)]
+    images = {side: topics.of('image', side) for side in SIDES}
+    if images['left'] == images['right']:
+        # Views that lie side by side cannot part.
+        yield from reader.messages(topics.roles)
+        return
+    of_side: dict[str, list[str]] = {side: [] for side in SIDES}
+    for topic, role in topics.roles.items():
+        # The truth is of no camera.
+        of_side[role.side or 'left'].append(topic)
+    streams = [_Stream(reader.messages(of_side[side]), images[side]) for side in SIDES]
     while waiting := [stream for stream in streams if stream.head is not None]:
         stream = min(waiting, key=lambda each: each.place)
         assert stream.head is not None

@@ -70,7 +70,7 @@ def _listed_files(folder: Path, metadata: dict[str, Any]) -> Files:
             )
         else:
             files.append(found)
-    others = [file for file in folder.iterdir() if _is_part(file) and file not in files]
+    others = [file for file in folder.iterdir() if is_bag_file(file) and file not in files]
     if files and others:
         _log.warning(
             '%s: %s lists %d of %d files; the other %d are left out, %s among them: remove %s '
@@ -98,7 +98,7 @@ def _listed_file(folder: Path, listed: str) -> Path | None:
 
 
 def _unlisted_files(folder: Path) -> Files:
-    files = sorted((file for file in folder.iterdir() if _is_part(file)), key=_natural)
+    files = sorted((file for file in folder.iterdir() if is_bag_file(file)), key=_natural)
     if not files:
         message = f'{folder}: holds no .mcap file: give the folder that `ros2 bag record` wrote'
         raise BagError(message)
@@ -108,7 +108,8 @@ def _unlisted_files(folder: Path) -> Files:
     return tuple(files)
 
 
-def _is_part(path: Path) -> bool:
+def is_bag_file(path: Path) -> bool:
+    """Whether a file's name is that of a bag, or of a part of one."""
     return path.name.endswith(_SUFFIXES)
 
 

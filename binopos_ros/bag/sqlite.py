@@ -63,9 +63,9 @@ class _Database:
             )
             self.topics = self._topics()
             ((first, last),) = self._rows('SELECT MIN(timestamp), MAX(timestamp) FROM messages')
+            self.span = None if first is None else (int(first), int(last))
         except (sqlite3.Error, OverflowError, TypeError, ValueError) as error:
             raise self._damaged(error) from error
-        self.span = None if first is None else (int(first), int(last))
 
     def messages(self, wanted: Collection[str] | None, start_ns: int | None) -> Iterator[Record]:
         ids = [key for key, topic in self.names.items() if wanted is None or topic in wanted]
@@ -73,7 +73,8 @@ class _Database:
             with closing(self.connection.cursor()) as cursor:
                 cursor.execute(
                     'SELECT topic_id, timestamp, data FROM messages WHERE timestamp >= ? '
-                    f'AND topic_id IN ({",".join("?" * len(ids))}) AND length(data) <= {LARGEST} '
+                    f'AND topic_id IN ({",".join("?" * len(ids))}) '
+                    f"AND typeof(data) = 'blob' AND length(data) <= {LARGEST} "
                     'ORDER BY timestamp, id',
                     (0 if start_ns is None else start_ns, *ids),
                 )

@@ -35,6 +35,7 @@ from binopos_ros.cli.calibrate_arguments import add_arguments
 from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
 from binopos_ros.cli.config import parameters_of
 from binopos_ros.cli.status_line import StatusLine
+from binopos_ros.cli.stereo_topics import choice_of
 from binopos_ros.optics import stereo_from_camera_infos
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.parameters import build
@@ -89,7 +90,7 @@ def _interface(arguments: argparse.Namespace) -> int:
     sigma = None
     if arguments.target_diameter is not None:
         views, sigma = _ball_views(arguments, air)
-    elif arguments.source is None and arguments.left is None and not arguments.live:
+    elif arguments.source is None and not arguments.left and not arguments.live:
         views = []
     else:
         board = _board_of(arguments)
@@ -141,11 +142,7 @@ def _check(arguments: argparse.Namespace) -> int:
     if arguments.calibration is not None:
         state, covariance = read_stereo(arguments.calibration)
     else:
-        infos = camera_infos_of(arguments.bag)
-        if infos is None:
-            raise CalibrationError(
-                f'{arguments.bag} holds no camera_info of both cameras: give --calibration DIR'
-            )
+        infos = camera_infos_of(arguments.bag, choice_of(arguments))
         left, right, rotation, translation = stereo_from_camera_infos(*infos)
         state = RigState((Camera.of(left), Camera.of(right)), rotation, translation)
     parameters = parameters_of(arguments, arguments.bag)
@@ -153,7 +150,7 @@ def _check(arguments: argparse.Namespace) -> int:
     places = zip((SHARED, LEFT_PORT, RIGHT_PORT), options.interfaces(), strict=True)
     interfaces = {place: interface for place, interface in places if interface is not None}
     rig = replace(state, interfaces=interfaces).rig()
-    targets = target_pairs(arguments.bag)
+    targets = target_pairs(arguments.bag, choice=choice_of(arguments))
     found = triangulate(
         rig,
         np.array([pair.left.centre for pair in targets]),
@@ -181,10 +178,10 @@ def _board_of(arguments: argparse.Namespace) -> Board:
 
 def _pictures_of(arguments: argparse.Namespace) -> Pictures:
     if arguments.source is not None:
-        return open_pictures(arguments.source, arguments.interval)
-    if arguments.left is None or arguments.right is None:
+        return open_pictures(arguments.source, arguments.interval, choice_of(arguments))
+    if not arguments.left or not arguments.right:
         raise CalibrationError('no pictures: give SOURCE, or --left DIR and --right DIR')
-    return folder_pair(arguments.left, arguments.right)
+    return folder_pair(Path(arguments.left), Path(arguments.right))
 
 
 def _views_of(
@@ -263,7 +260,7 @@ def _ball_views(arguments: argparse.Namespace, air: RigState) -> tuple[list[View
         raise CalibrationError(
             f'--target-diameter {arguments.target_diameter:g}: give metres, as 0.04'
         )
-    pairs = target_pairs(arguments.source)
+    pairs = target_pairs(arguments.source, choice=choice_of(arguments))
     pairs = pairs[:: max(1, len(pairs) // BALLS)][:BALLS]
     spread = np.median(
         [np.trace(blob.covariance) / 2 for p in pairs for blob in (p.left, p.right)]

@@ -8,6 +8,8 @@ from pathlib import Path
 from binopos_ros.calibration.cameras.stereo import MOST_VIEWS
 from binopos_ros.calibration.views.board import CHESSBOARD, KINDS
 from binopos_ros.cli.config import add_config_argument
+from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments
+from binopos_ros.sides import SIDES
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -92,6 +94,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='DIR',
         help="folder of left.yaml and right.yaml; default: the bag's own camera_info",
     )
+    add_topic_arguments(daily)
+    add_remap_argument(daily)
     add_config_argument(daily)
 
 
@@ -104,8 +108,15 @@ def _add_source(parser: argparse.ArgumentParser) -> None:
         help='folder with left* and right* pictures or sub-folders left and right, a list of '
         'pairs, or a bag',
     )
-    parser.add_argument('--left', type=Path, metavar='DIR', help="the left camera's pictures")
-    parser.add_argument('--right', type=Path, metavar='DIR', help="the right camera's pictures")
+    for side in SIDES:
+        parser.add_argument(
+            f'--{side}',
+            default='',
+            metavar='DIR|TOPIC',
+            help=f"the {side} camera's pictures: a folder, or a topic where SOURCE is a bag",
+        )
+    add_topic_arguments(parser, sides=False)
+    add_remap_argument(parser)
     parser.add_argument(
         '--interval',
         type=float,

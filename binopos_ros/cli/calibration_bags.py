@@ -3,70 +3,84 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from binopos_ros.bag import BagReader
-from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+from binopos_ros.bag.by_stamp import by_stamp
+from binopos_ros.bag.layout import is_bag_file
+from binopos_ros.bag.messages import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    POSE_WITH_COVARIANCE,
+    covariance_of,
+    position_of,
+    stamp_of,
+)
+from binopos_ros.bag.rig_topics import BOTH, RigTopics, Role, TopicChoice
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.pairs import Dropped
-from binopos_ros.calibration.views.sources import (
-    Load,
-    PicturePair,
-    Pictures,
-    grey_picture,
-    open_files,
-)
+from binopos_ros.calibration.views.sources import PicturePair, Pictures, grey_picture, open_files
 from binopos_ros.calibration.views.targets import Blob, TargetPair
-from binopos_ros.detection import Detector
-from binopos_ros.detection.images import image_of
+from binopos_ros.cli.recorded_calibration import calibrations
+from binopos_ros.detection import Detector, Frame, decode
+from binopos_ros.detection.images import halves, image_of
 from binopos_ros.optics import CameraInfo
-from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.pairing import Pair, PairMatcher
 from binopos_ros.sides import SIDES
 
-TOPICS = ('image_raw/compressed', 'image_raw')
 CENTROID = 'centroid'
 
 
-def open_pictures(source: Path, interval: float = 0.0) -> Pictures:
+def open_pictures(
+    source: Path, interval: float = 0.0, choice: TopicChoice | None = None
+) -> Pictures:
     """Pairs from a folder of pictures, a list of them, or a bag.
 
     Args:
         source: a folder with left* and right* files or with sub-folders left and right; a text
             file with two paths per line; an OpenCV XML image list, left and right by turns; a bag.
         interval: of a bag, take pairs at least this far apart (s).
+        choice: which of a bag's topics are the rig's; None: found by their names.
 
     Raises:
         CalibrationError: nothing there, or nothing that makes pairs.
+        BagError: which topics of the bag are the rig's does not show.
     """
     if not source.exists():
         raise CalibrationError(f'{source} does not exist: give a folder, a list or a bag')
-    if _is_bag(source):
-        return _from_bag(source, interval)
+    if is_bag(source):
+        return _from_bag(source, interval, choice)
     return open_files(source)
 
 
-def _is_bag(source: Path) -> bool:
+def is_bag(source: Path) -> bool:
     """Whether this is a bag."""
     if source.is_dir():
-        return (source / 'metadata.yaml').exists() or any(source.glob('*.mcap'))
-    return '.mcap' in source.suffixes
+        return (source / 'metadata.yaml').exists() or any(map(is_bag_file, source.iterdir()))
+    return is_bag_file(source)
 
 
-def target_pairs(bag: Path, options: Mapping[str, Any] | None = None) -> list[TargetPair]:
+def target_pairs(
+    bag: Path,
+    options: Mapping[str, Any] | None = None,
+    choice: TopicChoice | None = None,
+) -> list[TargetPair]:
     """The target in every pair of a bag that shows it.
 
     Args:
         bag: with `left/centroid` and `right/centroid`, or with pictures.
         options: of the detector, by name, for bags that hold pictures alone.
+        choice: which of the bag's topics are the rig's; None: found by their names.
 
     Raises:
         CalibrationError: no pair shows the target.
     """
-    pairs = list(_recorded(bag)) or list(_detected(bag, options or {}))
+    pairs = list(_recorded(bag, choice)) or list(_detected(bag, options or {}, choice))
     if not pairs:
         raise CalibrationError(
             f'{bag}: the target is in no pair of pictures: check the lighting, or the options of '
@@ -75,23 +89,51 @@ def target_pairs(bag: Path, options: Mapping[str, Any] | None = None) -> list[Ta
     return pairs
 
 
-def camera_infos_of(bag: Path) -> tuple[CameraInfo, CameraInfo] | None:
-    """The last camera_info of each camera in the bag, None where one is missing."""
-    infos: dict[str, CameraInfo] = {}
+def camera_infos_of(bag: Path, choice: TopicChoice | None = None) -> tuple[CameraInfo, CameraInfo]:
+    """The last usable camera_info of each camera in the bag.
+
+    Raises:
+        BagError: there is none.
+        OpticsError: there are only such that cannot be used.
+    """
     with BagReader(bag) as reader:
-        topics = [topic for topic in reader.topics if topic.endswith('/camera_info')]
-        for record in reader.messages(topics=topics):
-            side = record.topic.split('/')[-2]
-            infos[side] = read_camera_info_message(reader.decode(record), side)
-    if any(side not in infos for side in SIDES):
+        topics = _without_images(reader, choice) or RigTopics.find(reader, choice)
+        left, right = (list(calibrations(reader, topics, side))[-1] for side in SIDES)
+    return left, right
+
+
+def _without_images(reader: BagReader, choice: TopicChoice | None) -> RigTopics | None:
+    """The calibrations of a bag that holds no images, but centroids; None where it holds some."""
+    kinds = {info.type for info in reader.topics.values() if info.count}
+    if kinds & {IMAGE, COMPRESSED_IMAGE}:
         return None
-    return infos['left'], infos['right']
+    below = _namespace(choice)
+    roles = {
+        topic: Role('camera_info', side)
+        for topic, info in reader.topics.items()
+        for side in SIDES
+        if info.type == CAMERA_INFO
+        and topic.startswith(below)
+        and topic.endswith(f'{side}/camera_info')
+    }
+    return RigTopics(below.rstrip('/'), roles)
 
 
-def _recorded(bag: Path) -> Iterator[TargetPair]:
+def _namespace(choice: TopicChoice | None) -> str:
+    """What the names of the rig's topics begin with."""
+    return f'/{choice.namespace.strip("/")}/' if choice and choice.namespace else '/'
+
+
+def _recorded(bag: Path, choice: TopicChoice | None) -> Iterator[TargetPair]:
+    namespace = _namespace(choice)
     with BagReader(bag) as reader:
         sides = {
-            topic: topic.split('/')[-2] for topic in reader.topics if topic.endswith(CENTROID)
+            topic: side
+            for topic, info in reader.topics.items()
+            for side in SIDES
+            if topic.startswith(namespace)
+            and topic.endswith(f'/{side}/{CENTROID}')
+            and info.type == POSE_WITH_COVARIANCE
         }
         matcher: PairMatcher[tuple[int, Blob]] = PairMatcher()
         for record in reader.messages(topics=list(sides)):
@@ -104,27 +146,25 @@ def _recorded(bag: Path) -> Iterator[TargetPair]:
                     yield TargetPair(outcome.left[0], outcome.left[1], outcome.right[1])
 
 
-def _detected(bag: Path, options: Mapping[str, Any]) -> Iterator[TargetPair]:
+def _detected(
+    bag: Path, options: Mapping[str, Any], choice: TopicChoice | None
+) -> Iterator[TargetPair]:
     detectors = [Detector(**options) for _ in SIDES]
-    for outcome in _paired_images(bag):
+    for outcome in _paired_images(bag, choice):
         if not isinstance(outcome, Pair):
             continue
-        targets = [
-            detector.detect(image_of(message)).target
-            for detector, (_, message) in zip(
-                detectors, (outcome.left, outcome.right), strict=True
-            )
-        ]
+        views = zip(detectors, (outcome.left, outcome.right), strict=True)
+        targets = [detector.detect_in(view.frame()).target for detector, (_, view) in views]
         left, right = targets
         if left is not None and right is not None:
             yield TargetPair(outcome.left[0], Blob.of(left), Blob.of(right))
 
 
-def _from_bag(path: Path, interval: float) -> Pictures:
+def _from_bag(path: Path, interval: float, choice: TopicChoice | None) -> Pictures:
     pairs: list[PicturePair] = []
     unmatched: list[Dropped] = []
     last = -1e18
-    for outcome in _paired_images(path):
+    for outcome in _paired_images(path, choice):
         if not isinstance(outcome, Pair):
             unmatched.append(
                 Dropped(f'{outcome.side} picture at {outcome.stamp / 1e9:.3f}', outcome.reason)
@@ -134,7 +174,7 @@ def _from_bag(path: Path, interval: float) -> Pictures:
         if stamp / 1e9 - last < interval:
             continue
         last = stamp / 1e9
-        pairs.append(PicturePair(f'{stamp / 1e9:.3f}', _loader(left), _loader(right)))
+        pairs.append(PicturePair(f'{stamp / 1e9:.3f}', left.grey, right.grey))
     if not pairs:
         reason = f'; {unmatched[0]}' if unmatched else ''
         raise CalibrationError(
@@ -144,26 +184,40 @@ def _from_bag(path: Path, interval: float) -> Pictures:
     return Pictures(tuple(pairs), tuple(unmatched))
 
 
-def _paired_images(path: Path) -> Iterator[Any]:
-    """Pairs and leftovers of (stamp in ns, image message), as `pairing` has them."""
+@dataclass(frozen=True)
+class _View:
+    """A camera's view in an image message; half of it where two lie side by side."""
+
+    message: Any
+    half: int | None = None
+
+    def frame(self) -> Frame:
+        """The view as the detector takes it."""
+        frame = decode(image_of(self.message))
+        return frame if self.half is None else halves(frame)[self.half]
+
+    def grey(self) -> np.ndarray:
+        """The view without colour, (H, W) uint8."""
+        picture = grey_picture(image_of(self.message), stamp_of(self.message))
+        if self.half is None:
+            return picture
+        width = picture.shape[1] // 2
+        return np.ascontiguousarray(picture[:, self.half * width : (self.half + 1) * width])
+
+
+def _paired_images(path: Path, choice: TopicChoice | None) -> Iterator[Any]:
+    """Pairs and leftovers of (stamp in ns, view), as `pairing` has them."""
     with BagReader(path) as reader:
-        sides: dict[str, str] = {}
-        for ending in TOPICS:
-            for topic in reader.topics:
-                for side in SIDES:
-                    if topic.endswith(f'{side}/{ending}') and side not in sides.values():
-                        sides[topic] = side
-        if len(sides) != 2:
-            raise CalibrationError(
-                f'{path} holds no pictures of both cameras: topics .../left/{TOPICS[0]} and '
-                f'.../right/{TOPICS[0]} (or {TOPICS[1]}) are needed'
-            )
-        matcher: PairMatcher[tuple[int, Any]] = PairMatcher()
-        for record in reader.messages(topics=list(sides)):
+        topics = RigTopics.find(reader, choice, calibrated=True)
+        matcher: PairMatcher[tuple[int, _View]] = PairMatcher()
+        for record in by_stamp(reader, topics):
+            role = topics.roles[record.topic]
+            if not role.is_image:
+                continue
             message = reader.decode(record)
             stamp = stamp_of(message)
-            yield from matcher.add(sides[record.topic], stamp, (stamp, message))
-
-
-def _loader(message: Any) -> Load:
-    return lambda: grey_picture(image_of(message), stamp_of(message))
+            if role.side == BOTH:
+                for half, each in enumerate(SIDES):
+                    yield from matcher.add(each, stamp, (stamp, _View(message, half)))
+            else:
+                yield from matcher.add(role.side, stamp, (stamp, _View(message)))

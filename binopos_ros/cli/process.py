@@ -13,8 +13,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
-from binopos_ros.bag import BagError, BagReader, BagWriter, Record, messages
-from binopos_ros.bag.by_stamp import merged
+from binopos_ros.bag import BagError, BagReader, BagWriter, messages
+from binopos_ros.bag.by_stamp import by_stamp
 from binopos_ros.bag.rig_topics import BOTH, RigTopics
 from binopos_ros.cli.config import (
     STAGES,
@@ -23,7 +23,7 @@ from binopos_ros.cli.config import (
     parameters_of,
 )
 from binopos_ros.cli.output import Output, Table
-from binopos_ros.cli.recorded_calibration import camera_info_of, first_calibration
+from binopos_ros.cli.recorded_calibration import calibrations, camera_info_of
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
 from binopos_ros.detection.images import halves, image_of
@@ -81,7 +81,7 @@ def main(arguments: argparse.Namespace) -> int:
         report.parameters = parameters.sources
         pipeline = Pipeline({name: parameters.of_node(name) for name in STAGES})
         for side in SIDES:
-            info = calibration.get(side) or first_calibration(reader, topics, side)
+            info = calibration.get(side) or next(calibrations(reader, topics, side))
             pipeline.set_camera(side, info)
         writer = stack.enter_context(BagWriter(arguments.output))
         output = Output(writer, topics.namespace)
@@ -130,7 +130,7 @@ def _events(
     """Everything the bag leads to, by its stamps, with the images decoded ahead in threads."""
     waiting: deque[_Images | _Calibration] = deque()
     calibrations: dict[str, bytes] = {}
-    for record in _records(reader, topics):
+    for record in by_stamp(reader, topics):
         role = topics.roles[record.topic]
         if role.kind == 'camera_info':
             # Cameras repeat it with every image; only the stamp in front differs.
@@ -166,16 +166,6 @@ def _events(
     while waiting:
         yield from _finish(waiting.popleft(), pipeline)
     yield from pipeline.flush()
-
-
-def _records(reader: BagReader, topics: RigTopics) -> Iterator[Record]:
-    """The rig's messages by the stamps of its images."""
-    images = topics.of('image', 'left'), topics.of('image', 'right')
-    if images[0] == images[1]:
-        return reader.messages(topics.roles)
-    left = [*images[0], *topics.of('camera_info', 'left'), *topics.of('truth', '')]
-    right = [*images[1], *topics.of('camera_info', 'right')]
-    return merged(reader.messages, left, right, [*images[0], *images[1]])
 
 
 def _finish(item: _Images | _Calibration, pipeline: Pipeline) -> Iterator[Event]:

@@ -239,6 +239,19 @@ def test_one_of_two_rigs_is_chosen(bag: Path, tmp_path: Path) -> None:
         assert reader.topics['/auv7/front/target/pose'].count == PAIRS
 
 
+def test_calibrate_takes_topics_by_hand_too(bag: Path, tmp_path: Path) -> None:
+    copy = rewritten(bag, tmp_path / 'bag', renamed(ODD))
+    expected = binopos('calibrate', 'check', bag, '--config', bag / 'binopos.yaml')
+    assert expected.status in (0, 1), expected.stderr
+    refused(binopos('calibrate', 'check', copy), '--left /port/picture --right')
+    words = ('--left', '/port/picture', '--right', '/starboard/picture')
+    assert binopos('calibrate', 'check', copy, *words) == expected
+    remap = [f'{new}:={old}' for old, new in ODD.items()]
+    assert binopos('calibrate', 'check', copy, '--remap', *remap) == expected
+    done = binopos('calibrate', 'stereo', copy, *words, '--square', '0.03')
+    refused(done, 'board')
+
+
 @pytest.mark.parametrize('encoding', ['bgr8', 'jpeg'])
 def test_two_views_side_by_side_are_a_pair(bag: Path, tmp_path: Path, encoding: str) -> None:
     views: dict[str, Entry] = {}
