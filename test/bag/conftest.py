@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -35,14 +33,3 @@ def make_bag() -> Callable[..., Path]:
         return path
 
     return make
-
-
-@pytest.fixture(scope='session')
-def malice() -> ModuleType:
-    """Bags that lie, `malice.py` beside this file."""
-    spec = importlib.util.spec_from_file_location('malice', Path(__file__).with_name('malice.py'))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module

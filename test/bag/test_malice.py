@@ -9,11 +9,11 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from types import ModuleType
 from typing import NamedTuple
 
 import pytest
 
+import malice
 from binopos_ros.bag import BagError, BagReader
 from binopos_ros.bag.qos import parse_qos
 from binopos_ros.optics import OpticsError, read_camera_info
@@ -74,9 +74,7 @@ TRAPS = (
 
 
 @pytest.fixture(scope='module')
-def answers(
-    tmp_path_factory: pytest.TempPathFactory, malice: ModuleType
-) -> tuple[dict[str, Answer], int]:
+def answers(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Answer], int]:
     folder = tmp_path_factory.mktemp('traps')
     bags = malice.traps(folder)
     bags['message_bomb'] = malice.message_bomb(folder / 'stated', stated=True)
@@ -104,7 +102,7 @@ def test_no_trap_takes_more_memory_than_the_largest_chunk(
 
 
 def test_a_packed_file_does_not_fill_the_temporary_folder(
-    tmp_path: Path, malice: ModuleType, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bomb = malice.traps(tmp_path)['file_bomb']
     unpacked = tmp_path / 'temporary'
@@ -116,9 +114,7 @@ def test_a_packed_file_does_not_fill_the_temporary_folder(
 
 
 @pytest.mark.parametrize('text', ['NESTED', 'LAUGHS', '\n' + '- ' * 20_000, '{a: ' * 20_000])
-def test_a_calibration_that_never_ends_is_refused(
-    tmp_path: Path, malice: ModuleType, text: str
-) -> None:
+def test_a_calibration_that_never_ends_is_refused(tmp_path: Path, text: str) -> None:
     text = getattr(malice, text, text)
     (tmp_path / 'left.yaml').write_text(text if ': ' in text else f'a: {text}')
     with pytest.raises(OpticsError, match=r'nested more than|aliases') as refusal:
@@ -143,7 +139,7 @@ def test_yaml_that_its_library_chokes_on_is_refused(tmp_path: Path, text: str) -
     'away', ['../secret/other.mcap', '{absolute}', 'a/../../secret/other.mcap']
 )
 def test_metadata_lead_nowhere_outside_the_bag(
-    tmp_path: Path, malice: ModuleType, away: str, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, away: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / 'secret').mkdir()
     malice.image_bag(tmp_path / 'secret' / 'other.mcap')
@@ -157,8 +153,8 @@ def test_metadata_lead_nowhere_outside_the_bag(
 
 
 def test_damage_by_the_hundred_is_messages_or_a_line(project: Path) -> None:
-    """A hundred thousand: `python bench/fuzz_bags.py`."""
-    (bench,) = (project / 'bench').rglob('fuzz_bags.py')
+    """A hundred thousand: `python bench/bag/fuzz.py`."""
+    bench = project / 'bench' / 'bag' / 'fuzz.py'
     done = subprocess.run(
         [sys.executable, str(bench), '1500', '7'], capture_output=True, text=True, check=False
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
+import malice
 from binopos_ros.bag import BagError, BagReader, BagWriter, messages
 from binopos_ros.optics import CameraInfo
 from binopos_ros.optics.camera_info_message import read_camera_info_message
@@ -87,9 +87,7 @@ def test_reads_sqlite_as_rosbags_writes_it(tmp_path: Path, version: int) -> None
     check(path, COUNT)
 
 
-def test_reads_sqlite_without_definitions_in_parts_and_packed(
-    tmp_path: Path, malice: ModuleType
-) -> None:
+def test_reads_sqlite_without_definitions_in_parts_and_packed(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS2_JAZZY)
     rows = [
         (topic, stamp, bytes(store.serialize_cdr(message, MESSAGES[topic])))
@@ -170,7 +168,7 @@ def test_messages_compressed_one_by_one_need_no_metadata(
 
 
 def test_files_that_the_metadata_do_not_list_are_told(
-    tmp_path: Path, malice: ModuleType, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     bag = malice.image_bag(tmp_path / 'bag')
     data = (bag / 'bag_0.mcap').read_bytes()

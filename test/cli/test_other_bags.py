@@ -240,8 +240,9 @@ def test_one_of_two_rigs_is_chosen(bag: Path, tmp_path: Path) -> None:
 
 
 def test_calibrate_takes_topics_by_hand_too(bag: Path, tmp_path: Path) -> None:
-    copy = rewritten(bag, tmp_path / 'bag', renamed(ODD))
-    expected = binopos('calibrate', 'check', bag, '--config', bag / 'binopos.yaml')
+    copy = rewritten(bag, tmp_path / 'bag', renamed(ODD), repeat=3)
+    same = rewritten(bag, tmp_path / 'same', lambda entry: entry, repeat=3)
+    expected = binopos('calibrate', 'check', same, '--config', bag / 'binopos.yaml')
     assert expected.status in (0, 1), expected.stderr
     refused(binopos('calibrate', 'check', copy), '--left /port/picture --right')
     words = ('--left', '/port/picture', '--right', '/starboard/picture')

@@ -1,4 +1,4 @@
-"""Damaged bags by the hundred thousand: `python bench/fuzz_bags.py [COUNT] [SEED]`.
+"""Damaged bags by the hundred thousand: `python bench/bag/fuzz.py [COUNT] [SEED]`.
 
 MCAP of every compression, in chunks and without, sqlite3 and metadata, with bytes changed, cut,
 doubled or left out and lengths that lie, under a limit of 2 GiB of addresses. Counts what came of
@@ -15,7 +15,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from of_the_tests import module_of_the_tests
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
+
+import malice
 
 ADDRESSES = 2 << 30
 
@@ -24,7 +26,6 @@ def main() -> int:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
     logging.disable(logging.CRITICAL)
-    malice = module_of_the_tests('bag/malice.py')
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
     answers: collections.Counter[str] = collections.Counter()
     slowest = 0.0
