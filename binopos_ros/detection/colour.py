@@ -33,6 +33,11 @@ def redness(bgr: Picture) -> Map:
     return np.asarray(both[..., 0] / both[..., 1], np.float32)
 
 
+def redness_of(colour: Sequence[float]) -> float:
+    """Give the redness of one colour, blue, green, red."""
+    return _chroma(colour)[0]
+
+
 class Hue(NamedTuple):
     """A patch's colour beside that of its surroundings.
 

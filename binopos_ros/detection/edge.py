@@ -39,6 +39,7 @@ LIKELY_STRETCH = 0.02
 LIKELY_BLUR = 0.2
 LIKELY_PROFILE = 0.05
 LIKELY_SLOPE = 0.05
+LIKELY_SHADE = 0.2
 
 SHARED_NOISE = 0.01
 """Part of equal noise in all channels that is mixed into the noise found along the edge."""
@@ -72,15 +73,45 @@ _CHROMA += np.outer((0, -0.714, 1.402), (0, -0.714, 1.402))
 BLUR, PROFILE, INSIDE, OUTSIDE = 0, slice(1, 3), 3, 4
 MOTION, STRETCH, SHEAR = slice(5, 7), slice(7, 9), 9
 SLOPES = slice(10, 14)
-TERMS = 14
+FLAT_TERMS = 14
+DEPTH, TURNS, BENDS = 14, slice(15, 17), slice(17, 19)
+SHADING, TERMS = slice(15, 19), 19
+
+SHADED = 0.12
+"""From which slope of its own light on, over its radius and as a share of its contrast, a target
+is taken for a body: its surface turns away from the lamp. A flat one is fitted without that."""
+
+LEAST_BODY = 5.0
+"""px of the minor semi-axis from which on there is room for them."""
+
+AT_ONCE = 512
+"""Pixels that go into one product: so small ones BLAS does not hand to other threads, which on a
+busy machine take longer to answer than to compute."""
+
+NEAR, MOST_STEPS = 0.1, 5
+"""A step of fewer px is the last, and there are no more than so many."""
 
 MOST_MOVE, MOST_STRETCH, MOST_BLUR_CHANGE = 2.0, 0.3, 0.4
 """How far a step may go: px, share of the axes, px."""
+
+LEFT_OUT = 2.0
+"""The variance of what is left out of the shading, by the square of its last terms' shift."""
+
+LEAST_LOCAL = 0.15
+"""Least contrast along the outline, as a share of its mean, that a place may have."""
+
+WAVES = 5
+"""How many kinds of waves about the outline, from three of them on, tell how strong one would be,
+which shifts the centre. The fit takes up the first: the size, the centre, and the axes."""
+
+BLOCKS_COUNT = 6.0
+"""For how many independent residuals the variance by blocks is taken."""
 
 _LIKELY, _LIKELY_SLOPES = np.zeros(TERMS), np.zeros(TERMS)
 _LIKELY[STRETCH] = _LIKELY[SHEAR] = LIKELY_STRETCH**-2
 _LIKELY[BLUR] = LIKELY_BLUR**-2
 _LIKELY[PROFILE] = LIKELY_PROFILE**-2
+_LIKELY[DEPTH] = _LIKELY[TURNS] = _LIKELY[BENDS] = LIKELY_SHADE**-2
 _LIKELY_SLOPES[SLOPES] = LIKELY_SLOPE**-2
 
 PROFILE_REACH, PROFILE_STEPS = 6, 170
@@ -89,13 +120,23 @@ what it rounds off is less than a camera does."""
 
 
 def _profiles() -> Grid:
-    """The slope, what the blur and the profile change, and the shares, by distance in blurs."""
+    """The slope, what blur and profile change, the shares, and depth, by distance in blurs."""
     reach = PROFILE_REACH * PROFILE_STEPS
     z = np.arange(-reach, reach + 1) / PROFILE_STEPS
     slope = np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
     share = np.array([math.erfc(each / math.sqrt(2)) / 2 for each in z])
     rows = [slope, z * slope, (z * z - 1) * slope, (z * z - 3) * z * slope, share, 1 - share]
-    return np.array(rows, np.float32)
+    return np.array([*rows, _blurred_roots(-z)], np.float32)
+
+
+def _blurred_roots(depth: Array) -> Array:
+    """The square root of what is above 0, blurred by 1: how a ball's surface turns away."""
+    step = 0.01
+    # Of u = s^2 the root is s, so nothing is steep where the surface begins.
+    s = np.arange(step / 2, math.sqrt(PROFILE_REACH * 2.5), step)
+    kernel = np.exp(-0.5 * (depth[:, None] - s * s) ** 2) / math.sqrt(2 * math.pi)
+    roots: Array = (kernel * (2 * s * s * step)).sum(1)
+    return roots
 
 
 _PROFILES = _profiles()
@@ -135,20 +176,41 @@ class EdgeFit:
         # The edge's slope, the terms, and below them what is fitted by them: one product gives
         # both sides of the normal equations, and of different factors, which is three times as
         # fast as of equal ones.
+        self._contrast: Grid | None = None
         self._rows_of_all = np.empty((1 + TERMS + 3, count), np.float32)
-        self._slope, self._design = self._rows_of_all[0], self._rows_of_all[1 : 1 + TERMS]
-        self._system = self._rows_of_all[1:]
-        self._system[TERMS:] = window.pixels.reshape(-1, 3).take(places, 0).T
+        self._slope = self._rows_of_all[0]
+        pixels = window.pixels.reshape(-1, 3).take(places, 0).T
+        self._model(FLAT_TERMS, pixels)
         self._likely = _LIKELY + (a + d) * _LIKELY_SLOPES
         luma, chroma = frame.rounding
         self._rounding = LUMA_FACTOR * luma * _LUMA + CHROMA_FACTOR * chroma * _CHROMA
         rest = self._solve(FIRST_NOISE)
         axis = self._choose_axis(rest)
-        self._move(self._solution @ axis)
-        self._system[TERMS] = axis.astype(np.float32) @ self._system[TERMS:]
-        self._system = self._system[: TERMS + 1]
-        self._left = self._solve(self._noise)[0]
-        self._move(self._solution[:, 0])
+        solution = self._solution @ axis
+        is_shaded = self._is_shaded(start)
+        if is_shaded:
+            self._contrast = self._contrast_along(solution)
+        self._move(solution)
+        row = axis.astype(np.float32) @ pixels
+        self._model(TERMS if is_shaded else FLAT_TERMS, row[None])
+        for _ in range(MOST_STEPS):
+            self._left = self._solve(self._noise)[0]
+            if self._move(self._solution[:, 0]) < NEAR:
+                break
+
+    def _model(self, terms: int, pixels: Grid) -> None:
+        """Make room for so many terms, and below them for what is fitted by them."""
+        self._design = self._rows_of_all[1 : 1 + terms]
+        self._system = self._rows_of_all[1 : 1 + terms + len(pixels)]
+        self._system[terms:] = pixels
+
+    def _is_shaded(self, start: Ellipse) -> bool:
+        """Whether the light on the target itself slopes as it does on a body."""
+        difference = self._solution[INSIDE] - self._solution[OUTSIDE]
+        slopes = self._solution[SLOPES.start : SLOPES.start + 2]
+        major, minor = start.semi_axes
+        change = math.sqrt(float((slopes * slopes).sum() / (difference @ difference))) * major
+        return minor >= LEAST_BODY and change > SHADED
 
     def _solve(self, noise: float) -> Grid:
         """Solve, for each row below the terms, for the edge's motion and the two planes.
@@ -157,15 +219,19 @@ class EdgeFit:
         """
         design, system = self._design, self._system
         self._set_terms()
-        products = (design @ system.T).astype(float)
-        normal = products[:, :TERMS].copy()
-        normal.ravel()[:: TERMS + 1] += noise * self._likely + 1e-9
+        terms, count = design.shape
+        products = np.zeros((terms, len(system)))
+        for k in range(0, count, AT_ONCE):
+            some = slice(k, k + AT_ONCE)
+            products += design[:, some] @ system[:, some].T
+        normal = products[:, :terms].copy()
+        normal.ravel()[:: terms + 1] += noise * self._likely[:terms] + 1e-9
         regular, self._inverse = cv2.invert(normal, flags=cv2.DECOMP_CHOLESKY)
         if not regular:
             msg = 'the pixels along the outline do not determine it'
             raise DetectionError(msg)
-        self._solution: Array = self._inverse @ products[:, TERMS:]
-        rest: Grid = system[TERMS:] - self._solution.T.astype(np.float32) @ design
+        self._solution: Array = self._inverse @ products[:, terms:]
+        rest: Grid = system[terms:] - self._solution.T.astype(np.float32) @ design
         return rest
 
     def _set_terms(self) -> None:
@@ -180,14 +246,44 @@ class EdgeFit:
         z *= np.float32(PROFILE_STEPS / self._blur)
         z += np.float32(PROFILE_REACH * PROFILE_STEPS + 0.5)
         # By a table: a third of the time of exponentials.
+        places = z.astype(np.intp)
         by_distance = self._rows_of_all[: 2 + OUTSIDE]
-        _PROFILES.take(z.astype(np.intp), 1, by_distance, 'clip')
-        by_distance[:4] *= np.float32(1 / self._blur)
-        gradient *= np.divide(self._slope, steep, out=steep)
-        design[MOTION] = gradient
-        np.multiply(gradient, xy, out=design[STRETCH])
-        _sum_of_rows(gradient * xy[::-1], out=design[SHEAR])
-        np.multiply(by_distance[4:, None], xy, out=design[SLOPES].reshape(2, 2, -1))
+        _PROFILES[:-1].take(places, 1, by_distance, 'clip')
+        scale: Grid | np.float32 = np.float32(1 / self._blur)
+        by_distance[:4] *= scale if self._contrast is None else scale * self._contrast
+        gradient /= steep
+        self._normal = gradient
+        np.multiply(gradient, self._slope, out=design[MOTION])
+        np.multiply(design[MOTION], xy, out=design[STRETCH])
+        _sum_of_rows(design[MOTION] * xy[::-1], out=design[SHEAR])
+        slopes = design[SLOPES].reshape(2, 2, -1)
+        np.multiply(by_distance[4:, None], xy, out=slopes)
+        if self._contrast is None:
+            return
+        # The blur goes over the colours too: what slopes is carried across the outline by it.
+        carried = np.float32(self._blur**2) / self._contrast * design[MOTION]
+        slopes[0] -= carried
+        slopes[1] += carried
+        # A ball's surface turns away towards its outline, and its lit side bends with it.
+        _PROFILES[-1].take(places, 0, design[DEPTH], 'clip')
+        t += 1
+        steep *= t
+        steep /= t - 1
+        steep *= np.float32(self._blur)
+        design[DEPTH] *= np.sqrt(steep, out=steep)
+        squared = np.float32(2 * (self._moments[0] + self._moments[2]))
+        np.multiply(design[DEPTH] / np.sqrt(squared), xy, out=design[TURNS])
+        inside = design[INSIDE] / squared
+        np.multiply(inside, (xy[0] - xy[1]) * (xy[0] + xy[1]), out=design[BENDS.start])
+        np.multiply(inside * xy[0], xy[1], out=design[BENDS.start + 1])
+
+    def _contrast_along(self, solution: Array) -> Grid:
+        """The contrast to the surroundings at each pixel, as a share of its mean."""
+        terms = solution.astype(np.float32)
+        slopes = terms[SLOPES].reshape(2, 2)
+        contrast = (slopes[0] - slopes[1]) @ self._xy
+        contrast += terms[INSIDE] - terms[OUTSIDE]
+        return np.clip(contrast, LEAST_LOCAL, None, out=contrast)
 
     def _choose_axis(self, rest: Grid) -> Array:
         """The projection of colours, 1 from surroundings to target, that errs least.
@@ -208,7 +304,7 @@ class EdgeFit:
         left = axis.astype(np.float32) @ rest
         squared = left * left
         self._hidden = float(axis @ self._rounding @ axis)
-        self._noise = 2.5 * float(squared.sum()) / left.size
+        self._noise = 2.5 * float(squared.sum()) / left.size + self._hidden
         self._correlation = float(axis @ sums @ axis) / float(weight @ squared)
         return axis
 
@@ -229,7 +325,8 @@ class EdgeFit:
         products: Array = blocks @ (blocks / 4).T
         return products
 
-    def _move(self, solution: Array) -> None:
+    def _move(self, solution: Array) -> float:
+        """Move the outline, and give how far its centre went, px."""
         blur, _, _, _, _, du, dv, su, sv, suv = solution[: SHEAR + 1].tolist()
         du, dv = _limited(du, MOST_MOVE), _limited(dv, MOST_MOVE)
         su, sv, suv = (_limited(each, MOST_STRETCH) for each in (su, sv, suv))
@@ -241,6 +338,7 @@ class EdgeFit:
         r, s = suv * a + (1 + sv) * b, suv * b + (1 + sv) * d
         self._moments = p * (1 + su) + q * suv, p * suv + q * (1 + sv), r * suv + s * (1 + sv)
         self._blur = min(max(self._blur + blur, LEAST_BLUR), MOST_BLUR)
+        return math.hypot(du, dv)
 
     def measured(self) -> Measured:
         """Give the outline that the fit ended at."""
@@ -259,6 +357,7 @@ class EdgeFit:
         how much, and it is given back.
         """
         weight = self._slope * self._slope
+        waves, count = self._waves(weight), 2 * WAVES
         some = slice(None, None, max(weight.size // LEVERAGE_PIXELS, 1))
         design, share = self._design[:, some], weight[some]
         taken = float(np.vdot(self._inverse, (design * share) @ design.T)) / float(share.sum())
@@ -266,9 +365,36 @@ class EdgeFit:
         total = float(weight.sum())
         variance = float(weight @ (self._left * self._left)) / (total * kept) + 1e-12
         factor = max(self._correlation * kept + RETURNED * taken * SHARED_EDGE, LEAST_FACTOR)
-        variance = variance * factor + self._hidden
+        # Of a variance that is itself estimated the inverse is too large; the 2 allows for it.
+        variance = BLOCKS_COUNT * variance * factor + count * waves
+        variance = variance / (BLOCKS_COUNT + count - 2) + self._hidden
         covariance: Array = self._inverse[MOTION, MOTION] * variance
+        if self._contrast is None:
+            return covariance
+        # The shading is a series that ends here: what is left out is taken to be as large as the
+        # last of what is in, by how far that shifts the centre.
+        shading = np.linalg.solve(self._inverse[SHADING, SHADING], self._solution[SHADING, 0])
+        shift = self._inverse[MOTION, SHADING] @ shading
+        covariance += LEFT_OUT * np.outer(shift, shift)
         return covariance
+
+    def _waves(self, weight: Grid) -> float:
+        """The variance of the residuals' waves about the outline, as if of white noise.
+
+        Whatever is left over along the outline, be it noise that neighbours share, ground that is
+        uneven or a model that does not fit, has waves of all lengths; those that shift the centre
+        are taken up by the fit, their neighbours are not.
+        """
+        normal = np.empty(self._left.size, np.complex64)
+        normal.real, normal.imag = self._normal
+        waves = normal * normal
+        waves *= normal
+        waves *= self._slope * self._left
+        power = 0.0
+        for _ in range(WAVES):
+            power += abs(waves.sum()) ** 2
+            waves *= normal
+        return float(power) / (WAVES * float(weight.sum()))
 
 
 def _limited(value: float, most: float) -> float:

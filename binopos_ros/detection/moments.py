@@ -1,8 +1,8 @@
 """An outline from the moments of the share of each pixel that the target covers.
 
-For that share a pixel's colour is projected on the line from the surroundings' colour to the
-target's. Colours mix along it, so pixels that are means over blocks serve as well as those of the
-camera: the outline is good to a tenth of a pixel of the camera's.
+That share is where a pixel's redness lies between the surroundings' and the target's: a limb in
+shadow is as red as the rest. Pixels that are means over blocks serve nearly as well as those of
+the camera: the outline is good to some tenths of a pixel of the camera's.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .colour import redness, redness_of
 from .errors import DetectionError
 from .images import Picture
 
@@ -82,15 +83,15 @@ def covered(cutout: Cutout, factor: int) -> Moments:
 
     Raises DetectionError where the two colours are the same or too little is covered.
     """
-    pixels, core, outer, (blue, green, red), around, _ = cutout
-    b, g, r = blue - around[0], green - around[1], red - around[2]
-    power = b * b + g * g + r * r
-    if power < LEAST_CONTRAST**2:
+    pixels, core, outer, inside, around, _ = cutout
+    if math.dist(inside, around) < LEAST_CONTRAST:
         msg = 'the patch is of the same colour as its surroundings'
         raise DetectionError(msg)
-    level = b * around[0] + g * around[1] + r * around[2]
-    row = np.array([[b / power, g / power, r / power, -level / power]], np.float32)
-    share = cv2.copyTo(cv2.transform(pixels.astype(np.float32), row), outer)
+    low, high = (redness_of(each) for each in (around, inside))
+    if not high > low:
+        msg = 'the patch is no redder than its surroundings'
+        raise DetectionError(msg)
+    share = cv2.copyTo((redness(pixels) - np.float32(low)) * np.float32(1 / (high - low)), outer)
     np.copyto(share, 1, where=core.view(np.bool_))
     m = cv2.moments(share)
     area = m['m00']
