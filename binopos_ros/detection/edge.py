@@ -84,9 +84,9 @@ is taken for a body: its surface turns away from the lamp. A flat one is fitted 
 LEAST_BODY = 5.0
 """px of the minor semi-axis from which on there is room for them."""
 
-AT_ONCE = 512
-"""Pixels that go into one product: so small ones BLAS does not hand to other threads, which on a
-busy machine take longer to answer than to compute."""
+AT_ONCE = 250_000
+"""Multiplications in one product: so few BLAS does not hand to other threads, which on a busy
+machine take longer to answer than to compute."""
 
 NEAR, MOST_STEPS = 0.1, 5
 """A step of fewer px is the last, and there are no more than so many."""
@@ -119,14 +119,14 @@ PROFILE_REACH, PROFILE_STEPS = 6, 170
 what it rounds off is less than a camera does."""
 
 
-def _profiles() -> Grid:
-    """The slope, what blur and profile change, the shares, and depth, by distance in blurs."""
+def _profiles() -> tuple[Grid, Grid]:
+    """By distance in blurs: the slope, what blur and profile change, the shares; and depth."""
     reach = PROFILE_REACH * PROFILE_STEPS
     z = np.arange(-reach, reach + 1) / PROFILE_STEPS
     slope = np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
     share = np.array([math.erfc(each / math.sqrt(2)) / 2 for each in z])
     rows = [slope, z * slope, (z * z - 1) * slope, (z * z - 3) * z * slope, share, 1 - share]
-    return np.array([*rows, _blurred_roots(-z)], np.float32)
+    return np.array(rows, np.float32), _blurred_roots(-z).astype(np.float32)
 
 
 def _blurred_roots(depth: Array) -> Array:
@@ -139,7 +139,7 @@ def _blurred_roots(depth: Array) -> Array:
     return roots
 
 
-_PROFILES = _profiles()
+_PROFILES, _DEPTHS = _profiles()
 
 
 @dataclass(frozen=True)
@@ -221,8 +221,9 @@ class EdgeFit:
         self._set_terms()
         terms, count = design.shape
         products = np.zeros((terms, len(system)))
-        for k in range(0, count, AT_ONCE):
-            some = slice(k, k + AT_ONCE)
+        step = AT_ONCE // (terms * len(system))
+        for k in range(0, count, step):
+            some = slice(k, k + step)
             products += design[:, some] @ system[:, some].T
         normal = products[:, :terms].copy()
         normal.ravel()[:: terms + 1] += noise * self._likely[:terms] + 1e-9
@@ -248,7 +249,7 @@ class EdgeFit:
         # By a table: a third of the time of exponentials.
         places = z.astype(np.intp)
         by_distance = self._rows_of_all[: 2 + OUTSIDE]
-        _PROFILES[:-1].take(places, 1, by_distance, 'clip')
+        _PROFILES.take(places, 1, by_distance, 'clip')
         scale: Grid | np.float32 = np.float32(1 / self._blur)
         by_distance[:4] *= scale if self._contrast is None else scale * self._contrast
         gradient /= steep
@@ -265,7 +266,7 @@ class EdgeFit:
         slopes[0] -= carried
         slopes[1] += carried
         # A ball's surface turns away towards its outline, and its lit side bends with it.
-        _PROFILES[-1].take(places, 0, design[DEPTH], 'clip')
+        _DEPTHS.take(places, 0, design[DEPTH], 'clip')
         t += 1
         steep *= t
         steep /= t - 1

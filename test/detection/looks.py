@@ -74,7 +74,7 @@ def take(look: Look, diameter: float, rng: np.random.Generator) -> Taken:
         depth = np.sqrt(np.clip(1 - squared, 0, None))
         towards = p * lamp[0] + q * lamp[1] + depth * lamp[2]
         light = look.ambient + (1 - look.ambient) * np.clip(towards, 0, None)
-        half = lamp + (0, 0, 1)
+        half = lamp + np.array([0.0, 0.0, 1.0])
         half /= np.linalg.norm(half)
         gloss = look.highlight * np.clip(p * half[0] + q * half[1] + depth * half[2], 0, 1) ** 40
     ground = np.ones((size, size))
