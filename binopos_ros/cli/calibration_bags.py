@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -65,22 +65,17 @@ def is_bag(source: Path) -> bool:
     return is_bag_file(source)
 
 
-def target_pairs(
-    bag: Path,
-    options: Mapping[str, Any] | None = None,
-    choice: TopicChoice | None = None,
-) -> list[TargetPair]:
+def target_pairs(bag: Path, choice: TopicChoice | None = None) -> list[TargetPair]:
     """The target in every pair of a bag that shows it.
 
     Args:
         bag: with `left/centroid` and `right/centroid`, or with pictures.
-        options: of the detector, by name, for bags that hold pictures alone.
         choice: which of the bag's topics are the rig's; None: found by their names.
 
     Raises:
         CalibrationError: no pair shows the target.
     """
-    pairs = list(_recorded(bag, choice)) or list(_detected(bag, options or {}, choice))
+    pairs = list(_recorded(bag, choice)) or list(_detected(bag, choice))
     if not pairs:
         raise CalibrationError(
             f'{bag}: the target is in no pair of pictures: check the lighting, or the options of '
@@ -146,10 +141,8 @@ def _recorded(bag: Path, choice: TopicChoice | None) -> Iterator[TargetPair]:
                     yield TargetPair(outcome.left[0], outcome.left[1], outcome.right[1])
 
 
-def _detected(
-    bag: Path, options: Mapping[str, Any], choice: TopicChoice | None
-) -> Iterator[TargetPair]:
-    detectors = [Detector(**options) for _ in SIDES]
+def _detected(bag: Path, choice: TopicChoice | None) -> Iterator[TargetPair]:
+    detectors = [Detector() for _ in SIDES]
     for outcome in _paired_images(bag, choice):
         if not isinstance(outcome, Pair):
             continue

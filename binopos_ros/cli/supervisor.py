@@ -33,7 +33,6 @@ class Child:
     started: float = 0.0
     restart_at: float = 0.0
     pause: float = FIRST_PAUSE
-    restarts: int = 0
 
 
 @dataclass
@@ -77,7 +76,6 @@ class Supervisor:
         for child in self.children:
             if child.process is None:
                 if now >= child.restart_at:
-                    child.restarts += 1
                     self._start(child)
                 continue
             status = child.process.poll()

@@ -147,11 +147,6 @@ class WaveField:
         """Standard deviation of the slope's length (both directions together)."""
         return float(np.sqrt(np.sum((self.amplitudes[:, None] * self.wavevectors) ** 2) / 2))
 
-    @property
-    def shortest_wavelength(self) -> float:
-        """Length of the shortest wave, m."""
-        return float(2 * np.pi / np.linalg.norm(self.wavevectors, axis=1).max())
-
     def height_and_slope(self, x: Array, y: Array, time: ArrayLike) -> tuple[Array, Array, Array]:
         """Height (m) and its derivatives along x and y at points of the plane (m) and times (s).
 

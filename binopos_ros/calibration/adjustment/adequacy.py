@@ -29,12 +29,11 @@ class Adequacy:
 
     Attributes:
         probability: in 0 .. 1; an adequate lens gives any value with equal chance.
-        radii: (R,) middles of the rings that hold enough points (px).
-        radial: (R,) mean radial residual there (px), and `deviations` (R,) their own.
+        radial: (R,) mean radial residual of the rings that hold enough points (px), and
+            `deviations` (R,) their own.
     """
 
     probability: float
-    radii: np.ndarray
     radial: np.ndarray
     deviations: np.ndarray
 
@@ -67,7 +66,7 @@ def adequacy(fit: Adjustment, views: Sequence[View], side: int) -> Adequacy:
         for i, t in zip(rings, mean / deviation, strict=True)
     ]
     probability = _chi_squared_tail(float(np.sum(np.square(scores))), len(rings))
-    return Adequacy(probability, (np.array(rings) + 0.5) * reach / RINGS, mean, deviation)
+    return Adequacy(probability, mean, deviation)
 
 
 def better_by(first: np.ndarray, second: np.ndarray) -> float:
