@@ -37,7 +37,7 @@ setup(
     extras_require={
         'ros': ['ros-rclpy[fastrtps]==7.1.6', 'ros-common-interfaces==5.3.6'],
         'fast': ['simplejpeg>=1.7'],
-        'reports': ['matplotlib>=3.8', 'tqdm>=4.60'],
+        'reports': ['matplotlib>=3.8'],
     },
     entry_points={
         'console_scripts': [

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -34,8 +33,9 @@ from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.calibrate_arguments import add_arguments
 from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
 from binopos_ros.cli.config import parameters_of
-from binopos_ros.cli.status_line import StatusLine
+from binopos_ros.cli.progress import progress
 from binopos_ros.cli.stereo_topics import choice_of
+from binopos_ros.nodes.ros import require_ros
 from binopos_ros.optics import stereo_from_camera_infos
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.parameters import build
@@ -197,6 +197,7 @@ def _views_of(
 def _taken_live(
     arguments: argparse.Namespace, board: Board, solve: Solve
 ) -> tuple[Sequence[BoardPair], Sizes]:
+    require_ros()
     import rclpy
 
     from binopos_ros.nodes.calibrator import CalibratorNode
@@ -230,7 +231,7 @@ def _taken_live(
 
 
 def _search(pictures: Pictures, board: Board, window: int | None) -> tuple[list[BoardPair], Sizes]:
-    with _progress('searching for the board', len(pictures.pairs)) as tick:
+    with progress('searching for the board', len(pictures.pairs)) as tick:
         pairs, sizes = find_boards(pictures.pairs, board, window, tick)
     blank = [i for i, pair in enumerate(pairs) if not pair.complete]
     if len(pairs) - len(blank) < FEWEST_PAIRS and blank:
@@ -270,26 +271,6 @@ def _ball_views(arguments: argparse.Namespace, air: RigState) -> tuple[list[View
         for p in pairs
     ]
     return views, float(np.sqrt(spread)) / CENTRE_PER_COORDINATE
-
-
-@contextmanager
-def _progress(what: str, total: int) -> Iterator[Callable[[], None]]:
-    """A progress bar; without tqdm a line that counts."""
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        line, done = StatusLine(), [0]
-
-        def count() -> None:
-            done[0] += 1
-            line.show(f'{what}: {done[0]} of {total}')
-
-        yield count
-        line.end()
-        return
-    # Into a file or a pipe a bar is noise.
-    with tqdm(total=total, desc=what, unit='pair', disable=None) as bar:
-        yield lambda: bar.update() and None
 
 
 def _print_paths(paths: list[Path]) -> None:

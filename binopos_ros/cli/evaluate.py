@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from binopos_ros.cli.progress import progress
 from binopos_ros.evaluation import QUICK, Results, Settings, Store, evaluate, tables
 from binopos_ros.evaluation.figures import Figure, figures
 from binopos_ros.evaluation.page import as_text, write_csv, write_page
@@ -65,7 +64,7 @@ def main(arguments: argparse.Namespace) -> int:
         if getattr(arguments, name) is not None
     }
     settings = dataclasses.replace(QUICK if arguments.quick else Settings(), **chosen)
-    results = evaluate(settings, Store(arguments.output / 'parts'), _progress)
+    results = evaluate(settings, Store(arguments.output / 'parts'), progress)
     made = tables(results)
     write_csv(arguments.output, made)
     page = write_page(arguments.output, settings, made, _pictures(results))
@@ -84,20 +83,3 @@ def _pictures(results: Results) -> list[Figure]:
             file=sys.stderr,
         )
         return []
-
-
-@contextlib.contextmanager
-def _progress(label: str, steps: int) -> Iterator[Callable[[], None]]:
-    """A progress bar on a terminal, where tqdm is installed."""
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        print(label, file=sys.stderr)
-        yield lambda: None
-        return
-    with tqdm(total=steps, desc=label, disable=None, leave=False) as bar:
-
-        def tick() -> None:
-            bar.update(1)
-
-        yield tick

@@ -15,7 +15,7 @@ from binopos_ros.capture.transport import (
 )
 from binopos_ros.capture.usb import UDEV_RULE, Camera
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
-from binopos_ros.cli.ros import REMEDY, is_installed
+from binopos_ros.nodes.ros import REMEDY, is_installed
 
 UDEV_REMEDY = (
     f'sudo cp {UDEV_RULE} /etc/udev/rules.d/ && sudo udevadm control --reload && '

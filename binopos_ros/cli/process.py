@@ -7,7 +7,7 @@ import ctypes
 import gc
 import sys
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
@@ -23,6 +23,8 @@ from binopos_ros.cli.config import (
     parameters_of,
 )
 from binopos_ros.cli.output import Output, Table
+from binopos_ros.cli.outputs import add_force_argument, written
+from binopos_ros.cli.progress import progress
 from binopos_ros.cli.recorded_calibration import calibrations, camera_info_of
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
@@ -62,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--output', type=Path, required=True, metavar='OUT.mcap', help='bag to write'
     )
     parser.add_argument('--csv', type=Path, metavar='FILE', help='table of positions to write')
+    add_force_argument(parser)
     add_config_argument(parser)
     add_calibration_argument(parser)
     add_topic_arguments(parser)
@@ -83,11 +86,17 @@ def main(arguments: argparse.Namespace) -> int:
         for side in SIDES:
             info = calibration.get(side) or next(calibrations(reader, topics, side))
             pipeline.set_camera(side, info)
-        writer = stack.enter_context(BagWriter(arguments.output))
+        bag = stack.enter_context(written(arguments.output, arguments.force))
+        writer = stack.enter_context(BagWriter(bag))
         output = Output(writer, topics.namespace)
-        table = Table(stack.enter_context(_opened(arguments.csv))) if arguments.csv else None
+        table = None
+        if arguments.csv:
+            path = stack.enter_context(written(arguments.csv, arguments.force))
+            table = Table(stack.enter_context(_opened(path)))
         pool = stack.enter_context(ThreadPoolExecutor(DECODERS))
-        for event in _events(reader, topics, pipeline, pool, report):
+        total = sum(reader.topics[topic].count for topic in topics.roles)
+        tick = stack.enter_context(progress('processing', total))
+        for event in _events(reader, topics, pipeline, pool, report, tick):
             report.add(event)
             output.write(event)
             if table is not None and isinstance(event, Located):
@@ -126,11 +135,13 @@ def _events(
     pipeline: Pipeline,
     pool: ThreadPoolExecutor,
     report: Report,
+    tick: Callable[[], None],
 ) -> Iterator[Event]:
     """Everything the bag leads to, by its stamps, with the images decoded ahead in threads."""
     waiting: deque[_Images | _Calibration] = deque()
     calibrations: dict[str, bytes] = {}
     for record in by_stamp(reader, topics):
+        tick()
         role = topics.roles[record.topic]
         if role.kind == 'camera_info':
             # Cameras repeat it with every image; only the stamp in front differs.

@@ -6,7 +6,7 @@ import argparse
 
 from binopos_ros.bag.recording import RecorderOptions
 from binopos_ros.cli.config import add_config_argument, layers, live_parameters, ros_words
-from binopos_ros.cli.ros import require_ros
+from binopos_ros.nodes.ros import require_ros
 
 HELP = "record the suite's topics to a bag"
 

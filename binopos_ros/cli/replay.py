@@ -17,11 +17,11 @@ from binopos_ros.cli.config import (
     ros_words,
 )
 from binopos_ros.cli.rig_bag import RigBag
-from binopos_ros.cli.ros import require_ros
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
 from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments
 from binopos_ros.cli.transport import transport_environment
 from binopos_ros.node_options import NAMESPACE, Parameters
+from binopos_ros.nodes.ros import require_ros
 from binopos_ros.parameters import build
 from binopos_ros.report import Report
 

@@ -8,8 +8,8 @@ import sys
 import time
 
 from binopos_ros.cli.config import add_config_argument, layers, live_parameters, ros_words
-from binopos_ros.cli.ros import require_ros
 from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments
+from binopos_ros.nodes.ros import require_ros
 
 HELP = 'start the nodes on the cameras of the rig and keep them up'
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from binopos_ros.calibration.views.board import CHESSBOARD, KINDS, Board, parse_size
+from binopos_ros.cli.progress import progress
 from binopos_ros.cli.simulated_bag import record
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.presets import PRESETS, Choices, in_air, with_board
@@ -189,17 +189,15 @@ def main(arguments: argparse.Namespace) -> int:
         scene = in_air(scene, arguments.seed)
     if board:
         scene = with_board(scene, board, pairs, arguments.seed)
-    bar = _progress_bar(pairs)
-    record(
-        scene,
-        arguments.output,
-        pairs,
-        seed=arguments.seed,
-        threads=arguments.threads,
-        on_pair=bar.update if bar else _nothing,
-    )
-    if bar:
-        bar.close()
+    with progress('rendering', pairs) as tick:
+        record(
+            scene,
+            arguments.output,
+            pairs,
+            seed=arguments.seed,
+            threads=arguments.threads,
+            on_pair=tick,
+        )
     print(
         f'{arguments.output}: {pairs} pairs, {pairs / scene.rate:.1f} s, '
         f'{_size(arguments.output)}; the truth is on /stereo/truth/pose'
@@ -224,19 +222,6 @@ def _board(arguments: argparse.Namespace) -> Board | None:
     columns, rows = parse_size(arguments.board)
     marker = 0.75 * arguments.square if arguments.marker is None else arguments.marker
     return Board(arguments.kind, columns, rows, arguments.square, marker, arguments.dictionary)
-
-
-def _progress_bar(pairs: int) -> Any:
-    """A progress bar on a terminal; None where tqdm is not installed."""
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        return None
-    return tqdm(total=pairs, unit='pair', disable=None, leave=False)
-
-
-def _nothing() -> None:
-    pass
 
 
 def _size(bag: Path) -> str:

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import sys
 
+from binopos_ros.nodes.ros import RosMissingError, require_ros
 from binopos_ros.nodes.supervised import prepare
+
+USAGE_ERROR = 2
 
 
 def camera() -> int:
@@ -38,7 +41,8 @@ def player() -> int:
 
 def recorder() -> int:
     """Run the recorder node until a signal; the exit status."""
-    prepare()
+    if not prepared('recorder'):
+        return USAGE_ERROR
     from binopos_ros.nodes.recorder import record
 
     return record(sys.argv[1:])
@@ -46,7 +50,19 @@ def recorder() -> int:
 
 def start(name: str) -> int:
     """Run one node with the command line's ROS arguments; the exit status."""
-    prepare()
+    if not prepared(name):
+        return USAGE_ERROR
     from binopos_ros.nodes.compose import compose  # signals first: rclpy loads slowly
 
     return compose([name, *sys.argv[1:]])
+
+
+def prepared(name: str) -> bool:
+    """Heed signals; whether ROS is there, which is told in a line where it is not."""
+    prepare()
+    try:
+        require_ros()
+    except RosMissingError as error:
+        print(f'{name}: {error}', file=sys.stderr)
+        return False
+    return True

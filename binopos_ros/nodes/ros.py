@@ -1,4 +1,4 @@
-"""Whether ROS is there, for the verbs that need it."""
+"""Whether ROS is there, for nodes and verbs that need it. It imports nothing of it."""
 
 from __future__ import annotations
 

@@ -1,0 +1,65 @@
+"""How far a verb is: a bar in a terminal, a line per ten seconds in a pipe or a file."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+TERMINAL_PERIOD = 0.1
+PLAIN_PERIOD = 10.0
+WIDTH = 30
+
+
+@contextmanager
+def progress(label: str, steps: int) -> Iterator[Callable[[], None]]:
+    """Call what it gives once for each of `steps` steps; all goes to stderr.
+
+    What takes less than ten seconds says nothing in a pipe.
+    """
+    bar = _Bar(label, steps)
+    try:
+        yield bar.step
+    finally:
+        bar.end()
+
+
+class _Bar:
+    def __init__(self, what: str, total: int) -> None:
+        self._what = what
+        self._total = max(total, 1)
+        self._done = 0
+        self._is_terminal = sys.stderr.isatty()
+        self._period = TERMINAL_PERIOD if self._is_terminal else PLAIN_PERIOD
+        self._start = time.monotonic()
+        self._next = self._start + self._period
+
+    def step(self) -> None:
+        """Count one step, and show it where it is time to."""
+        self._done += 1
+        now = time.monotonic()
+        if now >= self._next:
+            self._next = now + self._period
+            self._show(now)
+
+    def end(self) -> None:
+        """Take the bar away."""
+        if self._is_terminal:
+            print('\r\x1b[K', end='', file=sys.stderr, flush=True)
+
+    def _show(self, now: float) -> None:
+        share = min(self._done / self._total, 1.0)
+        left = (now - self._start) * (1.0 - share) / share
+        told = f'{self._done} of {self._total}, {_clock(left)} left'
+        if self._is_terminal:
+            bar = '#' * round(WIDTH * share)
+            line = f'\r\x1b[K{self._what} [{bar:<{WIDTH}}] {told}'
+            print(line, end='', file=sys.stderr, flush=True)
+        else:
+            print(f'{self._what}: {told}', file=sys.stderr, flush=True)
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f'{minutes}:{rest:02d}'
