@@ -58,7 +58,7 @@ def outline_offsets(
         if not math.isfinite(image.sum()):
             msg = f'the disc at {np.round(position, 3).tolist()} m is not seen whole'
             raise OpticsError(msg)
-        offsets.append(_centroid(image[:-1]) - image[-1])
+        offsets.append(centroid(image[:-1]) - image[-1])
     return offsets
 
 
@@ -94,7 +94,7 @@ def _crosses(outline: Array) -> tuple[Array, Array, Array, Array, Array]:
     return x[:-1], x[1:], y[:-1], y[1:], x[:-1] * y[1:] - x[1:] * y[:-1]
 
 
-def _centroid(outline: Array) -> Array:
+def centroid(outline: Array) -> Array:
     """Centroid of the area within a closed polygon (N + 1, 2)."""
     x, nx, y, ny, cross = _crosses(outline)
     centroid: Array = outline[0] + np.array([(x + nx) @ cross, (y + ny) @ cross]) / (

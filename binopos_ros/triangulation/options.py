@@ -156,11 +156,17 @@ class IndexOptions:
 
 @dataclass(frozen=True)
 class DiscOptions:
-    """The target as a disc. Raises TriangulationError where a value is of no use."""
+    """The target as a disc or a ball. Raises TriangulationError where a value is of no use."""
 
+    shape: str = option(
+        'any',
+        'How the centre of its outline is brought to its own. Ball: by the lines of sight that '
+        'touch it; disc, any: as that of a disc',
+        choices=('any', 'disc', 'ball'),
+    )
     diameter: float = option(
         0.0,
-        'Diameter of the disc; above 0, the image of its centre is used instead of the '
+        'Diameter of the target; above 0, the image of its centre is used instead of the '
         "outline's centre",
         'm',
         (0.0, 10.0),

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.optics import OpticsError, StereoRig
+from binopos_ros.optics.ball import ball_outline_offsets
 from binopos_ros.optics.camera_info import CameraInfo, stereo_from_camera_infos
 from binopos_ros.optics.covariance_file import read_covariance
 from binopos_ros.optics.disc import to_disc_centres
@@ -203,12 +204,15 @@ class Triangulator:
         return Position(left.stamp, left.frame_id, point, covariance, index)
 
     def _centred(self, rig: StereoRig, views: _Views) -> _Views:
-        """The images of the disc's centre instead of the outlines' centres."""
+        """The images of the target's centre instead of the outlines' centres."""
         found = triangulate(rig, *views)
         if found.reasons:
             # It will be told where the pair itself is triangulated.
             return views
         target = self._options.target
+        if target.shape == 'ball':
+            offsets = ball_outline_offsets(rig.project, found.points, target.diameter)
+            return views[0] - offsets[0], views[1] - offsets[1], views[2], views[3]
         nearest = rig.interface or rig.left_port
         flat = nearest.normal if nearest is not None else np.array([0.0, 0.0, 1.0])
         normal = np.array(target.normal) if target.normal else flat

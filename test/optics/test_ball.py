@@ -1,0 +1,74 @@
+"""A ball's outline, against the cone in the air and against lines of sight traced by the book."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from binopos_ros.optics import FlatInterface, OpticsError, PinholeCamera, StereoRig
+from binopos_ros.optics.ball import ball_outline_offsets
+
+FOCAL, PRINCIPAL = 900.0, np.array([319.5, 239.5])
+MATRIX = np.array([[FOCAL, 0, PRINCIPAL[0]], [0, FOCAL, PRINCIPAL[1]], [0, 0, 1]])
+TO_THE_RIGHT = np.array([0.23, 0.0, 0.0])
+
+
+def rig_of(interface=None):
+    camera = PinholeCamera(MATRIX, (), (640, 480))
+    return StereoRig(camera, camera, np.eye(3), -TO_THE_RIGHT, interface)
+
+
+@pytest.mark.parametrize('place', [(0.0, 0.0, 0.9), (0.25, -0.1, 0.8), (-0.2, 0.2, 1.4)])
+def test_in_the_air_the_outline_is_that_of_a_cone(place):
+    centre, radius = np.array(place), 0.03
+    offsets = ball_outline_offsets(rig_of().project, centre, 2 * radius)
+    for offset, seen_from in zip(offsets, (np.zeros(3), TO_THE_RIGHT), strict=True):
+        x, y, z = centre - seen_from
+        # The cone (p c)^2 = (c^2 - r^2) p^2 cut with the plane z = 1; its middle by its polar.
+        apart = np.outer((x, y, z), (x, y, z)) - (x * x + y * y + z * z - radius**2) * np.eye(3)
+        middle = np.linalg.solve(apart[:2, :2], -apart[:2, 2])
+        truth = FOCAL * (middle - np.array([x, y]) / z)
+        assert offset == pytest.approx(truth, abs=2e-5)
+
+
+def sight(pixel, normal, depth, index):
+    """Where a pixel's ray enters the water and how it goes on, by the vector form of Snell."""
+    air = np.append((pixel - PRINCIPAL) / FOCAL, 1)
+    air /= np.linalg.norm(air)
+    along = air @ normal
+    inside = np.sqrt(1 - (1 - along**2) / index**2)
+    return air * depth / along, air / index + (inside - along / index) * normal
+
+
+@pytest.mark.parametrize('tilt', [0.0, 0.3])
+def test_under_water_lines_of_sight_touch_the_ball_along_the_outline(tilt):
+    normal, depth, index = np.array([np.sin(tilt), 0, np.cos(tilt)]), 0.6, 1.333
+    rig = rig_of(FlatInterface(tuple(normal), depth, (1.0, index)))
+    centre, radius = np.array([0.15, 0.1, 1.0]), 0.04
+    (middle,) = rig.project(centre[None])[0]
+    offset = ball_outline_offsets(rig.project, centre, 2 * radius)[0]
+
+    def passes_by(pixel):
+        point, along = sight(pixel, normal, depth, index)
+        return np.linalg.norm(np.cross(centre - point, along)) / np.linalg.norm(along) - radius
+
+    outline = []
+    for angle in np.linspace(0, 2 * np.pi, 400, endpoint=False):
+        way = np.array([np.cos(angle), np.sin(angle)])
+        near, far = 0.0, 90.0
+        for _ in range(45):
+            half = (near + far) / 2
+            near, far = (near, half) if passes_by(middle + half * way) > 0 else (half, far)
+        outline.append(near * way)
+    x, y = np.array(outline).T
+    nx, ny = np.roll(x, -1), np.roll(y, -1)
+    cross = x * ny - nx * y
+    truth = np.array([(x + nx) @ cross, (y + ny) @ cross]) / (3 * cross.sum())
+    assert np.linalg.norm(truth) > 0.1
+    assert offset == pytest.approx(truth, abs=2e-3)
+
+
+def test_a_ball_that_reaches_out_of_the_water_is_refused():
+    rig = rig_of(FlatInterface((0.0, 0.0, 1.0), 0.6, (1.0, 1.333)))
+    with pytest.raises(OpticsError, match='not seen whole'):
+        ball_outline_offsets(rig.project, np.array([0.0, 0.0, 0.61]), 0.06)
