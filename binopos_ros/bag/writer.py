@@ -122,6 +122,18 @@ class BagWriter:
             channel, stamp_ns, stamp_ns if publish_ns is None else publish_ns, message
         )
 
+    def split(self) -> None:
+        """Begin a new file, unless the current one is empty.
+
+        Raises:
+            BagError: the bag is a single file.
+        """
+        if self._single:
+            message = f'{self.path}: a single .mcap file cannot be split: name a folder instead'
+            raise BagError(message)
+        if self._file.message_count:
+            self._split()
+
     def flush(self) -> None:
         """Bring everything given so far to the disk."""
         self._file.flush()

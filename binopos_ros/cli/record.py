@@ -29,6 +29,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     chosen.add_argument(
         '--topics', nargs='+', metavar='TOPIC', help="record these instead of the suite's"
     )
+    chosen.add_argument(
+        '-e', '--regex', metavar='REGEX', help='record topics whose names this is found in instead'
+    )
+    parser.add_argument(
+        '-x',
+        '--exclude-regex',
+        metavar='REGEX',
+        help='leave out topics whose names this is found in',
+    )
     parser.add_argument(
         '--compression',
         choices=('none', 'zstd', 'lz4'),
@@ -49,6 +58,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='begin a new file after this, 0: never '
         f'(default: {RecorderOptions.max_bag_duration:g})',
     )
+    parser.add_argument(
+        '--start-paused',
+        action='store_true',
+        help='record nothing before the service recorder/resume is called',
+    )
+    parser.add_argument(
+        '--snapshot',
+        type=float,
+        metavar='SECONDS',
+        help='keep the last SECONDS in memory, and write them whenever the service '
+        'recorder/snapshot is called',
+    )
+    parser.add_argument(
+        '--min-free-space',
+        type=int,
+        metavar='BYTES',
+        help='end when less is left on the disk, 0: never '
+        f'(default: {RecorderOptions.min_free_space})',
+    )
     add_config_argument(parser)
 
 
@@ -64,6 +92,11 @@ def main(arguments: argparse.Namespace) -> int:
         'bag': arguments.output,
         'all': arguments.all or None,
         'topics': arguments.topics,
+        'regex': arguments.regex,
+        'exclude_regex': arguments.exclude_regex,
+        'start_paused': arguments.start_paused or None,
+        'snapshot': arguments.snapshot,
+        'min_free_space': arguments.min_free_space,
         'compression': arguments.compression,
         'max_bag_size': arguments.max_bag_size,
         'max_bag_duration': arguments.max_bag_duration,

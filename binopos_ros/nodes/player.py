@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
-from std_srvs.srv import Trigger
 
 from binopos_ros.bag import BagError, BagReader
 from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.playing import Player
 from binopos_ros.nodes.shell import StageNode
+from binopos_ros.nodes.triggers import offer_triggers
 
 
 class PlayerNode(StageNode):
@@ -59,11 +60,7 @@ class PlayerNode(StageNode):
 
 def offer_controls(node: Node, player: Player) -> None:
     """Offer the services ~/pause, ~/resume and so on, named as rosbag2 names them."""
-    for name, control in CONTROLS.items():
-        node.create_service(Trigger, f'~/{name}', _answering(control, player))
-
-
-Control = Callable[[Player], tuple[bool, str]]
+    offer_triggers(node, {name: partial(control, player) for name, control in CONTROLS.items()})
 
 
 def _pause(player: Player) -> tuple[bool, str]:
@@ -94,7 +91,7 @@ def _stop(player: Player) -> tuple[bool, str]:
     return True, 'stopped'
 
 
-CONTROLS: dict[str, Control] = {
+CONTROLS: dict[str, Callable[[Player], tuple[bool, str]]] = {
     'pause': _pause,
     'resume': _resume,
     'toggle_paused': _toggle_paused,
@@ -102,13 +99,3 @@ CONTROLS: dict[str, Control] = {
     'play_next': _play_next,
     'stop': _stop,
 }
-
-
-def _answering(
-    control: Control, player: Player
-) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
-    def callback(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = control(player)
-        return response
-
-    return callback

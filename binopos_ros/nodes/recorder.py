@@ -20,6 +20,7 @@ from binopos_ros.nodes.offers import Request, offer_of
 from binopos_ros.nodes.running import run
 from binopos_ros.nodes.shell import StageNode
 from binopos_ros.nodes.snapshot import Snapshot
+from binopos_ros.nodes.triggers import offer_triggers
 from binopos_ros.sides import SIDES
 
 POSE = 'geometry_msgs/msg/PoseWithCovarianceStamped'
@@ -60,7 +61,8 @@ class RecorderNode(StageNode):
             message = "no bag given: set the parameter 'bag' to the folder to make"
             raise BagError(message)
         self._settings = settings
-        self._wanted = {self.resolve_topic_name(topic) for topic in (settings.topics or SUITE)}
+        named = settings.topics or (() if settings.regex else SUITE)
+        self._wanted = {self.resolve_topic_name(topic) for topic in named}
         self._refused: set[str] = set()
         self._heard: dict[str, Hearing] = {}
         self._types: dict[str, str] = {}
@@ -72,9 +74,10 @@ class RecorderNode(StageNode):
         self._sides = {self.resolve_topic_name(f'{side}/camera_info'): side for side in SIDES}
         for topic, type_name in SUITE.items():
             full_name = self.resolve_topic_name(topic)
-            if full_name in self._wanted or settings.all:
+            if settings.wants(full_name, self._wanted):
                 # Before anybody publishes, so that nothing is missed while it is found.
                 self._hear(full_name, type_name).ask(Request(reliable=True, latched=False))
+        self._offer_controls()
         self.every(DISCOVERY, self._look)
         self.get_logger().info(f'recording to {settings.bag}')
 
@@ -100,7 +103,7 @@ class RecorderNode(StageNode):
             self.context.try_shutdown()
             return
         for topic, types in self.get_topic_names_and_types():
-            if topic in self._refused or not (self._settings.all or topic in self._wanted):
+            if topic in self._refused or not self._settings.wants(topic, self._wanted):
                 continue
             offers = self.get_publishers_info_by_topic(topic)
             if not offers:
@@ -164,9 +167,48 @@ class RecorderNode(StageNode):
 
         return lose
 
+    def _offer_controls(self) -> None:
+        """Offer the services ~/pause, ~/resume and so on, named as rosbag2 names them."""
+        recording = self._recording
+
+        def pause() -> tuple[bool, str]:
+            recording.pause()
+            return True, 'paused'
+
+        def resume() -> tuple[bool, str]:
+            recording.resume(self.get_clock().now().nanoseconds)
+            return True, 'recording'
+
+        def split() -> tuple[bool, str]:
+            try:
+                recording.split()
+            except BagError as error:
+                return False, str(error)
+            return True, 'a new file begins'
+
+        def snapshot() -> tuple[bool, str]:
+            try:
+                count = recording.take_snapshot()
+            except BagError as error:
+                return False, str(error)
+            return True, f'{count} messages go to {self._settings.bag}'
+
+        offer_triggers(
+            self,
+            {
+                'pause': pause,
+                'resume': resume,
+                'toggle_paused': lambda: resume() if recording.paused else pause(),
+                'is_paused': lambda: (True, 'paused' if recording.paused else 'recording'),
+                'split_bagfile': split,
+                'snapshot': snapshot,
+            },
+        )
+
     def _details(self) -> dict[str, object]:
         return {
             'Bag': self._settings.bag,
+            'State': 'paused' if self._recording.paused else 'recording',
             'Topics': len(self._recorded),
             **{f'Lost {topic}': count for topic, count in sorted(self._lost.items())},
         }

@@ -13,6 +13,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from mcap.reader import make_reader
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage
+from std_srvs.srv import Trigger
 
 from binopos_ros.bag import BagReader
 
@@ -150,6 +151,60 @@ def test_the_verb_records_until_interrupted_and_says_what(ros_domain, peer, tmp_
     assert f'{len(records)} messages of {len(topics)} topics recorded, 0 lost' in output
 
 
+def called(peer, name):
+    client = peer.node.create_client(Trigger, f'recorder/{name}')
+    peer.wait_for(client.service_is_ready, f'the service {name}')
+    answer = client.call_async(Trigger.Request())
+    peer.wait_for(answer.done, f'the answer of {name}')
+    return answer.result().success, answer.result().message
+
+
+def test_recording_is_paused_and_split_by_service(start, peer, tmp_path):
+    images = peer.publisher(CompressedImage, LEFT)
+    bag = tmp_path / 'bag'
+    node = start('recorder', parameters={'recorder': {'bag': str(bag), 'start_paused': True}})
+    peer.connect(images)
+    assert called(peer, 'is_paused') == (True, 'paused')
+    feed(peer, images, 3)
+    assert called(peer, 'resume') == (True, 'recording')
+    for number in (10, 11):
+        images.publish(image(number))
+    peer.wait_for(lambda: file_holds(bag, LEFT), 'the images on the disk')
+    assert called(peer, 'split_bagfile') == (True, 'a new file begins')
+    assert called(peer, 'toggle_paused') == (True, 'paused')
+    images.publish(image(12))
+    assert called(peer, 'snapshot')[0] is False
+    assert called(peer, 'toggle_paused') == (True, 'recording')
+    images.publish(image(13))
+    peer.wait_for(lambda: len(numbers_of(bag)) == 3, 'the last image on the disk')
+    assert node.end()[0] == 0
+    assert numbers_of(bag) == [10, 11, 13]
+    assert len(list(bag.glob('*.mcap'))) == 2
+
+
+def test_the_verb_keeps_the_last_seconds_for_a_snapshot(ros_domain, peer, tmp_path, project):
+    images = peer.publisher(CompressedImage, LEFT)
+    others = peer.publisher(CompressedImage, '/stereo/right/image_raw/compressed')
+    process = record_verb(
+        project,
+        *('-o', str(tmp_path / 'bag'), '--snapshot', '60'),
+        *('--regex', 'image_raw/compressed', '--exclude-regex', '/right/'),
+    )
+    peer.connect(images)
+    feed(peer, images, 5)
+    others.publish(image(7))
+    assert not file_holds(tmp_path / 'bag', LEFT)
+    assert called(peer, 'snapshot') == (True, f'5 messages go to {tmp_path / "bag"}')
+    peer.wait_for(lambda: file_holds(tmp_path / 'bag', LEFT), 'the images on the disk')
+    images.publish(image(8))
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=10)
+    assert process.returncode == 0
+    assert numbers_of(tmp_path / 'bag') == list(range(5))
+    _, topics = read(tmp_path / 'bag')
+    assert set(topics) == {LEFT}
+
+
 def test_the_verb_does_not_write_over_a_bag(ros_domain, tmp_path, project):
     (tmp_path / 'bag').mkdir()
     process = record_verb(project, '-o', str(tmp_path / 'bag'))
@@ -173,7 +228,7 @@ def small_disk(tmp_path):
 
 def test_a_full_disk_ends_the_verb_with_one_line(ros_domain, peer, small_disk, project):
     images = peer.publisher(CompressedImage, LEFT)
-    process = record_verb(project, '-o', str(small_disk / 'bag'))
+    process = record_verb(project, '-o', str(small_disk / 'bag'), '--min-free-space', '0')
     peer.connect(images)
     feed(peer, images, 75, size=30_000)
     _, errors = process.communicate(timeout=10)
