@@ -13,6 +13,7 @@ import sys
 from collections.abc import Sequence
 
 from binopos_ros import __version__
+from binopos_ros.cli.leftovers import clear_leftovers
 
 #: Verb -> what it does, in the order of the help.
 VERBS = {
@@ -47,6 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             importlib.import_module(f'binopos_ros.cli.{verb}').add_arguments(verb_parser)
     parsed = parser.parse_args(words)
     parsed.ros_arguments = ros_words
+    clear_leftovers()
     verb_module = importlib.import_module(f'binopos_ros.cli.{parsed.verb}')
     try:
         return int(verb_module.main(parsed))

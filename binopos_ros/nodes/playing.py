@@ -85,6 +85,7 @@ class Player:
         self._changed = threading.Condition()
         self._stopped = False
         self._steps = 0
+        self._silent: list[Publisher] = []
         self._latched = latched or {}
         self._publishers = self._make_publishers()
         self._offer_latched()
@@ -198,6 +199,7 @@ class Player:
     def _run(self) -> None:
         try:
             self._wait_for_subscribers()
+            self._yield_to_others()
             rounds = 0
             while not self._stopped and (rounds == 0 or self.options.loop):
                 rounds += 1
@@ -209,6 +211,27 @@ class Player:
             self._node.get_logger().error(str(error))
         finally:
             self.finished.set()
+
+    def _yield_to_others(self) -> None:
+        """Leave topics out that somebody publishes already: everything would come twice."""
+        own = (self._node.get_name(), self._node.get_namespace())
+        for topic in self.topics:
+            others = {
+                f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+                for each in self._node.get_publishers_info_by_topic(
+                    self._publishers[topic].topic_name
+                )
+                if (each.node_name, each.node_namespace) != own
+            }
+            if others:
+                # Not destroyed: the node may be spinning in another thread.
+                self._silent.append(self._publishers.pop(topic))
+                reason = f'{" and ".join(sorted(others))} publishes it already'
+                self.skipped[topic] = reason
+                self._node.get_logger().warning(f'topic {topic} is not played: {reason}')
+        if not self._publishers:
+            message = f'{self._reader.path}: nothing to play: other nodes publish all its topics'
+            raise BagError(message)
 
     def _play_round(self) -> None:
         start_ns = self._reader.start_ns + round(self.options.start_offset * 1e9)

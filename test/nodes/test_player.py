@@ -267,6 +267,19 @@ def test_a_bag_of_which_nothing_can_be_played_is_refused(play, shared_data, bag,
     assert '\n' not in str(refusal.value)
 
 
+def test_what_a_live_node_publishes_is_not_played_over_it(play, peer, bag):
+    """A recorded dive beside the live suite doubles nothing."""
+    peer.publisher(CompressedImage, RIGHT)
+    left = listen_raw(peer, CompressedImage, LEFT)
+    right = listen_raw(peer, CompressedImage, RIGHT)
+    player = play(bag, rate=20.0, wait_for_subscribers=2.0)
+    player.start()
+    peer.wait_for(player.finished.is_set, 'the end')
+    peer.wait_for(lambda: len(left) == PAIRS, 'the images')
+    assert right == []
+    assert player.skipped == {RIGHT: '/stereo/test_peer publishes it already'}
+
+
 def test_a_bag_plays_without_listeners_too(play, peer, bag):
     player = play(bag, wait_for_subscribers=0.2, rate=50.0)
     player.start()
