@@ -102,6 +102,57 @@ def test_a_whole_file_is_read_by_its_index_alone(make_bag: MakeBag, tmp_path: Pa
         assert reader.message_count == 40
 
 
+def test_a_file_without_a_summary_is_not_taken_into_memory(tmp_path: Path) -> None:
+    path = tmp_path / 'long.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(
+            stream,
+            use_chunking=False,
+            index_types=IndexType.NONE,
+            repeat_channels=False,
+            repeat_schemas=False,
+            use_statistics=False,
+            use_summary_offsets=False,
+        )
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channel = writer.register_channel('/chatter', 'cdr', schema)
+        for stamp in range(60):
+            writer.add_message(channel, stamp, bytes(1 << 20), stamp)
+        writer.finish()
+    tracemalloc.start()
+    with BagReader(path) as reader:
+        count = sum(1 for _ in reader.messages())
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert count == 60
+    assert most < 12 << 20
+
+
+def test_messages_that_all_overlap_are_read_in_the_memory_of_a_chunk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each chunk holds a message of the time zero, so that all of them overlap."""
+    monkeypatch.setattr('binopos_ros.bag.chunks.LARGEST', 4 << 20)
+    path = tmp_path / 'overlapping.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream, chunk_size=1 << 20, compression=CompressionType.NONE)
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channel = writer.register_channel('/chatter', 'cdr', schema)
+        for stamp in range(1, 200):
+            writer.add_message(channel, 0, bytes(100), 0)
+            writer.add_message(channel, stamp, bytes([stamp]) * (200 << 10), stamp)
+        writer.finish()
+    tracemalloc.start()
+    with BagReader(path) as reader:
+        found = [(record.stamp_ns, record.data[:1]) for record in reader.messages()]
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found == [(0, b'\0')] * 199 + [(stamp, bytes([stamp])) for stamp in range(1, 200)]
+    assert most < 10 << 20
+
+
 def test_a_damaged_chunk_costs_only_itself(
     make_bag: MakeBag, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -118,3 +118,14 @@ def test_recorded_quality_of_service_is_read_in_both_spellings(resources: Path) 
         (rosout,) = reader.topics['/rosout'].qos
     assert (rosout.durability, rosout.reliability) == ('transient_local', 'reliable')
     assert rosout.lifespan_ns == 10 * 10**9
+
+
+def test_every_real_file_is_read_to_its_last_message(shared_data: Path) -> None:
+    files = sorted([*shared_data.rglob('*.mcap'), *(shared_data.parent / 'cases').rglob('*.mcap')])
+    assert len(files) >= 20
+    for file in files:
+        with file.open('rb') as stream:
+            expected = sum(1 for _ in make_reader(stream).iter_messages())
+        with BagReader(file) as reader:
+            assert sum(1 for _ in reader.messages()) == expected, file
+            assert reader.warnings == [], file
