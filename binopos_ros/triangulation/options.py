@@ -18,6 +18,10 @@ from binopos_ros.triangulation.seawater import index_prior
 METHODS = ('refractive', 'paper', 'straight')
 
 
+class HalfGivenError(TriangulationError, UnfinishedError):
+    """An interface of which a part is missing: a running node waits for the rest."""
+
+
 @dataclass(frozen=True)
 class InterfaceOptions:
     """One flat interface: a water surface, a port or a tank's wall. All empty: there is none."""
@@ -39,7 +43,7 @@ class InterfaceOptions:
         """The interface, or None where nothing was given.
 
         Raises:
-            UnfinishedError: the interface is half given.
+            HalfGivenError: the interface is half given.
             TriangulationError, OpticsError: its values make no interface.
         """
         if not self.indices and not self.normal:
@@ -47,14 +51,14 @@ class InterfaceOptions:
         if not self.indices or not self.normal:
             missing = 'indices' if self.normal else 'normal'
             msg = f'{name}.{missing} is missing: give {name}.normal and {name}.indices together'
-            raise UnfinishedError(msg)
+            raise HalfGivenError(msg)
         if len(self.thicknesses) != len(self.indices) - 2 and len(self.indices) > 1:
             msg = (
                 f'{name}.indices has {len(self.indices)} media and {name}.thicknesses '
                 f'{len(self.thicknesses)} layers between them: give two more indices than '
                 'thicknesses'
             )
-            raise UnfinishedError(msg)
+            raise HalfGivenError(msg)
         interface = FlatInterface(self.normal, self.distance, self.indices, self.thicknesses)
         if interface.normal[2] <= 0:
             msg = (
@@ -268,5 +272,5 @@ class TriangulatorOptions:
         right = self.right_port.build('right_port')
         if (left is None) != (right is None):
             msg = 'left_port and right_port go together: give both or neither'
-            raise UnfinishedError(msg)
+            raise HalfGivenError(msg)
         return self.interface.build('interface'), left, right
