@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import rclpy
 from rclpy.executors import Executor
@@ -74,11 +74,17 @@ class Replay:
         """Whether a signal ended it."""
         return self._stop.is_set()
 
-    def run(self, supervisor: Supervisor) -> str:
-        """Start the nodes, play the bag, fill the report; '' or what went wrong."""
+    def run(self, supervisor: Supervisor, enclave: Sequence[str] = ()) -> str:
+        """Start the nodes, play the bag, fill the report; '' or what went wrong.
+
+        `enclave` are the words that give the player and the monitor their enclave.
+        """
         self._stop = stop_on_signals()
         # Not the command line: a rule A:=B of `--remap` is the player's alone.
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(
+            args=['--ros-args', *enclave] if enclave else [],
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         try:
             supervisor.start()
             return self._play(supervisor)

@@ -18,7 +18,7 @@ from binopos_ros.cli.config import (
 )
 from binopos_ros.cli.rig_bag import RigBag
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
-from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments
+from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments, enclave_words
 from binopos_ros.cli.transport import transport_environment
 from binopos_ros.node_options import NAMESPACE, Parameters
 from binopos_ros.nodes.ros import require_ros
@@ -98,12 +98,13 @@ def main(arguments: argparse.Namespace) -> int:
             NODES,
             ros_words(layers(arguments, arguments.bag), [*words, *arguments.ros_arguments]),
             arguments.single_process,
+            arguments.enclaves,
         )
         os.environ.update(transport_environment())
         report = Report(parameters=parameters.sources)
         options = _player_options(arguments, parameters, bag, clock)
         replay = Replay(bag, options, parameters, calibration, report)
-        problem = replay.run(supervisor)
+        problem = replay.run(supervisor, enclave_words(arguments.enclaves, ['player']))
     if problem:
         print(f'binopos replay: {problem}', file=sys.stderr)
         return 2

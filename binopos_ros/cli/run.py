@@ -38,7 +38,7 @@ def main(arguments: argparse.Namespace) -> int:
     for name in arguments.nodes:
         parameters.check(name)
     words = ros_words(layers(arguments), arguments.ros_arguments)
-    supervisor = Supervisor(arguments.nodes, words, arguments.single_process)
+    supervisor = Supervisor(arguments.nodes, words, arguments.single_process, arguments.enclaves)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         supervisor.start()

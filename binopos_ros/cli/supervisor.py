@@ -43,24 +43,30 @@ class Supervisor:
         nodes: the names of the nodes.
         ros_arguments: words that every node gets after `--ros-args`.
         single_process: compose all nodes in one process instead of one each.
+        enclaves: path below which each process has its security enclave, under the name of its
+            node; '' leaves enclaves to the words.
         report: takes one line of text for the user.
     """
 
     nodes: Sequence[str]
     ros_arguments: Sequence[str] = ()
     single_process: bool = False
+    enclaves: str = ''
     report: Callable[[str], None] = field(default=lambda line: print(line, file=sys.stderr))
 
     def __post_init__(self) -> None:
-        ros_words = ['--ros-args', *self.ros_arguments] if self.ros_arguments else []
         groups = [tuple(self.nodes)] if self.single_process else [(name,) for name in self.nodes]
         self.children = [
             Child(
                 ' + '.join(names),
-                [sys.executable, STARTER, *names, *ros_words],
+                [sys.executable, STARTER, *names, *self._ros_words(names)],
             )
             for names in groups
         ]
+
+    def _ros_words(self, names: Sequence[str]) -> list[str]:
+        words = [*self.ros_arguments, *enclave_words(self.enclaves, names)]
+        return ['--ros-args', *words] if words else []
 
     def start(self) -> None:
         """Start every node."""
@@ -127,12 +133,23 @@ class Supervisor:
         )
 
 
+def enclave_words(enclaves: str, names: Sequence[str]) -> list[str]:
+    """The words that give a process its enclave: one per process, so that of its first node."""
+    return ['--enclave', f'{enclaves.rstrip("/")}/{names[0]}'] if enclaves else []
+
+
 def add_supervisor_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verbs that start nodes."""
     parser.add_argument(
         '--single-process',
         action='store_true',
         help='compose all nodes in one process instead of one process each',
+    )
+    parser.add_argument(
+        '--enclaves',
+        default='',
+        metavar='PATH',
+        help='SROS2: give each node the enclave PATH/NODE; in one process, that of the first node',
     )
 
 

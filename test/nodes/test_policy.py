@@ -1,0 +1,61 @@
+"""The SROS2 policy allows what the nodes do."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from binopos_ros.nodes.compose import NODES
+
+pytestmark = pytest.mark.live
+
+STARTED = ('detector', 'triangulator', 'smoother')
+LOOKS = {
+    ('topics', 'publish'): 'get_publisher_names_and_types_by_node',
+    ('topics', 'subscribe'): 'get_subscriber_names_and_types_by_node',
+    ('services', 'reply'): 'get_service_names_and_types_by_node',
+}
+
+
+def allowed(profile, kind, verb):
+    """Full names of what a profile allows."""
+    namespace, node = profile.get('ns'), profile.get('node')
+    names = [
+        each.text
+        for group in profile.findall(kind)
+        if group.get(verb) == 'ALLOW'
+        for each in group
+    ]
+    return {
+        name
+        if name.startswith('/')
+        else f'{namespace}/{name.replace("~", node) if name.startswith("~") else name}'
+        for name in names
+    }
+
+
+def test_it_allows_what_the_running_nodes_publish_hear_and_answer(start, peer, project):
+    profiles = {
+        each.get('node'): each
+        for each in ET.parse(project / 'config' / 'sros2_policy.xml').iter('profile')
+    }
+    assert set(NODES) <= set(profiles)
+    start(*STARTED, parameters={'triangulator': {'method': 'straight'}})
+    peer.wait_for(
+        lambda: peer.node.count_publishers('/stereo/target/pose') == 1
+        and ('smoother', '/stereo') in peer.node.get_node_names_and_namespaces(),
+        'the nodes',
+    )
+    done = {}
+
+    def complete():
+        for name in STARTED:
+            for (kind, verb), look in LOOKS.items():
+                found = getattr(peer.node, look)(name, '/stereo')
+                done[name, kind, verb] = {topic for topic, _ in found}
+        return all(done.values())
+
+    peer.wait_for(complete, 'what they do')
+    for (name, kind, verb), used in done.items():
+        assert used <= allowed(profiles[name], kind, verb), (name, kind, verb)
