@@ -17,11 +17,10 @@ from binopos_ros.detection import (
     DetectionError,
     DetectorOptions,
     Frame,
-    JpegImage,
-    RawImage,
 )
+from binopos_ros.detection.images import image_of
 from binopos_ros.detection.overlay import draw
-from binopos_ros.detection.stage import CameraStage, try_decode
+from binopos_ros.detection.stage import CameraStage, OneStream, try_decode
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode
@@ -38,6 +37,8 @@ class DetectorNode(StageNode):
         super().__init__('detector', **node_options)
         options = self.declare_options(DetectorOptions, self._configure)
         self._stages = {side: CameraStage(options) for side in SIDES}
+        self._streams = {side: OneStream() for side in SIDES}
+        self._framed = dict.fromkeys(SIDES, True)
         self._newest: dict[str, Detection] = {}
         self._diagnostics = StageDiagnostics(self, 'stereo cameras', self._details)
         self._centroids = {
@@ -47,10 +48,8 @@ class DetectorNode(StageNode):
             side: self.publisher(CompressedImage, f'{side}/overlay/compressed') for side in SIDES
         }
         for side in SIDES:
-            self.subscription(
-                CompressedImage, f'{side}/image_raw/compressed', partial(self._on_jpeg, side)
-            )
-            self.subscription(Image, f'{side}/image_raw', partial(self._on_raw, side))
+            for kind, form in ((CompressedImage, 'image_raw/compressed'), (Image, 'image_raw')):
+                self.subscription(kind, f'{side}/{form}', partial(self._detect, side, form))
             self.latched_subscription(
                 CameraInfo, f'{side}/camera_info', partial(self._on_camera_info, side)
             )
@@ -67,24 +66,16 @@ class DetectorNode(StageNode):
             problem = f'cannot be used: {error}'
         self._diagnostics.judge_input(f'{side}/camera_info', problem)
 
-    def _on_jpeg(self, side: str, message: CompressedImage) -> None:
-        self._detect(side, message, JpegImage(message.data))
-
-    def _on_raw(self, side: str, message: Image) -> None:
-        image = RawImage(
-            message.data, message.width, message.height, message.step, message.encoding
-        )
-        self._detect(side, message, image)
-
-    def _detect(
-        self, side: str, message: CompressedImage | Image, image: JpegImage | RawImage
-    ) -> None:
-        self._diagnostics.received[f'{side}/image_raw'] += 1
+    def _detect(self, side: str, form: str, message: CompressedImage | Image) -> None:
         stamp = stamp_of(message)
-        decoded = try_decode(image)
+        if not self._streams[side].takes(form, stamp):
+            return
+        self._diagnostics.received[f'{side}/image_raw'] += 1
+        decoded = try_decode(image_of(message))
         watched = self._overlays[side].get_subscription_count() > 0
         detection = self._stages[side].detect(stamp, decoded, survey=watched)
         self._newest[side] = detection
+        self._framed[side] = bool(message.header.frame_id)
         if watched and not isinstance(decoded, DetectionError):
             self._publish_overlay(side, message.header, decoded, detection)
         if detection.target is None:
@@ -111,6 +102,8 @@ class DetectorNode(StageNode):
     def _details(self) -> dict[str, object]:
         details: dict[str, object] = {}
         for side, detection in self._newest.items():
+            if not self._framed[side]:
+                details[f'{side}: frame_id'] = 'empty: set the frame_id of the driver'
             if math.isfinite(detection.threshold):
                 details[f'{side}: contrast wanted'] = f'{detection.threshold:.3f}'
             refused = [each.reason for each in detection.candidates if each.reason]

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+import malice
 from binopos_ros.bag import BagReader, BagWriter, messages
 from binopos_ros.cli import main
 
@@ -346,6 +347,21 @@ def test_raw_beside_compressed_is_one_stream(bag: Path, tmp_path: Path) -> None:
     done = process(rewritten(bag, tmp_path / 'bag', double))
     assert figure(done, 'pairs seen') == figure(done, 'pairs used') == str(PAIRS)
     assert figure(done, 'dropped') == '0'
+
+
+def test_a_bag_in_sqlite_gives_what_the_same_in_mcap_gives(bag: Path, tmp_path: Path) -> None:
+    folder = tmp_path / 'old'
+    folder.mkdir()
+    with BagReader(bag) as reader:
+        topics = {topic: info.type for topic, info in reader.topics.items()}
+        rows = [(each.topic, each.stamp_ns, each.data) for each in reader.messages()]
+    malice.sqlite_bag(folder / 'old_0.db3', topics, rows)
+    (folder / 'binopos.yaml').write_text((bag / 'binopos.yaml').read_text())
+    tables = [tmp_path / name for name in ('one.csv', 'two.csv')]
+    for source, table in zip((bag, folder), tables, strict=True):
+        done = binopos('process', source, '-o', table.with_suffix('.mcap'), '--csv', table)
+        assert used(done) == PAIRS
+    assert tables[0].read_bytes() == tables[1].read_bytes()
 
 
 TURNS = 19

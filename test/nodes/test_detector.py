@@ -129,6 +129,26 @@ def test_a_calibration_of_another_size_stops_the_centroids_and_says_so(start, pe
     assert not centroids
 
 
+def test_the_same_pictures_raw_and_compressed_count_once(start, peer):
+    start('detector')
+    raw_images = peer.publisher(Image, 'left/image_raw')
+    jpegs = peer.publisher(CompressedImage, 'left/image_raw/compressed')
+    centroids = peer.listen(PoseWithCovarianceStamped, 'left/centroid')
+    reports = peer.listen(DiagnosticArray, '/diagnostics')
+    peer.connect(raw_images, jpegs, inputs=('left/centroid',))
+    for stamp in (1, 2, 3):
+        for publisher, message in (
+            (raw_images, raw_message(stamp, 'bgr8')),
+            (jpegs, jpeg_message(stamp)),
+        )[:: 1 if stamp < 3 else -1]:
+            publisher.publish(message)
+    peer.wait_for(lambda: len(centroids) == 3, 'the centroids')
+    peer.wait_for(lambda: len(reports) > 2, 'the diagnostics')
+    assert sorted(map(stamp_of, centroids)) == [1, 2, 3]
+    values = {item.key: item.value for report in reports for item in report.status[0].values}
+    assert not [key for key in values if key.startswith('Dropped: ')]
+
+
 def test_the_overlay_is_made_only_for_those_who_look(start, peer):
     start('detector')
     images = peer.publisher(CompressedImage, 'left/image_raw/compressed')
