@@ -7,12 +7,21 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from . import moments
+from .arcs import Arcs, find_arcs
 from .colour import Hue, hue
 from .images import Frame
 from .search import Sighting
 from .target import Ellipse
+
+WHOLE_FIT, ROUGHNESS, LEAST_WIDTH = 0.97, 0.2, 6.0
+"""A patch that agrees less with its ellipse may be a part of a circle: the share of agreement,
+what raggedness takes of it (pixels along the minor axis), the least minor axis to tell by, px."""
+
+HALF_A_PIXEL = 0.5
+"""A border runs through the middle of the outermost pixels."""
 
 
 class Description(NamedTuple):
@@ -20,7 +29,8 @@ class Description(NamedTuple):
 
     outline is the ellipse of its moments in px of the image, fit the share in which patch and
     ellipse agree, width the minor axis in the reduced pixels of the sighting, cut whether the edge
-    of the image cuts it. redness and contrast are as of `Candidate`.
+    of the image cuts it. redness and contrast are as of `Candidate`. arcs is what is seen of a
+    round outline where that tells more than the ellipse, and outline then that of the circle.
     """
 
     sighting: Sighting
@@ -32,24 +42,43 @@ class Description(NamedTuple):
     contrast: float
     hue: Hue
     cut: bool
+    arcs: Arcs | None
+
+    @property
+    def misfit(self) -> float:
+        """The share in which an outline is more than ragged, where no arcs of a circle say why."""
+        if self.arcs is not None:
+            return 0.0
+        return max(WHOLE_FIT - 2 * ROUGHNESS / max(self.width, 1.0) - self.fit, 0.0)
 
 
 def describe(frame: Frame, sighting: Sighting) -> Description:
     """Describe a patch of a frame."""
     patch = sighting.patch
-    outline, fit = _shape(sighting)
+    ellipse, fit = _shape(patch.mask)
+    outline = _placed(ellipse, patch.box, sighting)
     factor = sighting.factor
+    width = 2 * outline.semi_axes[1] / factor
+    ends = _ends(sighting, frame)
+    arcs = None
+    if width >= LEAST_WIDTH and (any(ends) or fit < WHOLE_FIT - ROUGHNESS / width):
+        arcs = find_arcs(patch.mask, factor, ellipse, ends)
+    if arcs is not None:
+        spread = (arcs.radius + HALF_A_PIXEL) ** 2 / 4
+        circle = moments.Moments(arcs.u, arcs.v, spread, 0.0, spread)
+        outline = _placed(circle, patch.box, sighting)
     cutout = moments.cut_out(sighting.pixels, patch.mask, patch.box[:2], factor)
     return Description(
         sighting,
         cutout,
         outline,
         fit,
-        width=2 * outline.semi_axes[1] / factor,
+        width=width,
         redness=patch.inside,
         contrast=patch.inside - patch.outside,
         hue=hue(cutout.inside, cutout.around),
-        cut=_is_cut(sighting, frame),
+        cut=any(ends),
+        arcs=arcs,
     )
 
 
@@ -58,24 +87,26 @@ def covered(seen: Description) -> Ellipse:
 
     Raises DetectionError where the patch has no colour of its own, or too little is covered.
     """
+    if seen.arcs is not None:
+        return seen.outline
     sighting, cutout = seen.sighting, seen.cutout
     return _placed(moments.covered(cutout, sighting.factor), cutout.corner, sighting)
 
 
-def _is_cut(seen: Sighting, frame: Frame) -> bool:
+def _ends(seen: Sighting, frame: Frame) -> tuple[bool, bool, bool, bool]:
+    """Whether the image ends on the left, the upper, the right and the lower side of a patch."""
     factor, (left, top) = seen.factor, seen.origin
     x0, y0, x1, y1 = seen.patch.box
     return (
-        x0 * factor + left <= 0
-        or y0 * factor + top <= 0
-        or (x1 + 1) * factor + left > frame.width
-        or (y1 + 1) * factor + top > frame.height
+        x0 * factor + left <= 0,
+        y0 * factor + top <= 0,
+        (x1 + 1) * factor + left > frame.width,
+        (y1 + 1) * factor + top > frame.height,
     )
 
 
-def _shape(seen: Sighting) -> tuple[Ellipse, float]:
-    """The ellipse of a patch's moments, in px of the image, and how well the two agree."""
-    mask = seen.patch.mask
+def _shape(mask: npt.NDArray[np.uint8]) -> tuple[moments.Moments, float]:
+    """The moments of a mask, and how well the ellipse of these agrees with it."""
     m = cv2.moments(mask)
     area = m['m00']
     u, v = m['m10'] / area, m['m01'] / area
@@ -88,8 +119,7 @@ def _shape(seen: Sighting) -> tuple[Ellipse, float]:
     # The ellipse reaches beyond the patch's box where the two differ; its area does not show that.
     full = max(4 * math.pi * math.sqrt(determinant), cv2.countNonZero(ellipse))
     both = cv2.countNonZero(ellipse & mask)
-    outline = _placed(moments.Moments(u, v, uu, uv, vv), seen.patch.box, seen)
-    return outline, both / (full + area - both)
+    return moments.Moments(u, v, uu, uv, vv), both / (full + area - both)
 
 
 def _placed(found: moments.Moments, corner: tuple[int, ...], seen: Sighting) -> Ellipse:

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from .errors import DetectionError
 from .images import Frame
@@ -153,10 +154,14 @@ class Measured:
 class EdgeFit:
     """The fit, begun at an outline that is right to some tenths of a pixel.
 
-    Raises DetectionError where there are too few pixels, or no two colours.
+    sectors, equal ones by direction from the u axis on, tell where the outline is seen; without
+    them it is seen everywhere. Raises DetectionError where there are too few pixels, or no two
+    colours.
     """
 
-    def __init__(self, frame: Frame, start: Ellipse) -> None:
+    def __init__(
+        self, frame: Frame, start: Ellipse, sectors: npt.NDArray[np.bool_] | None = None
+    ) -> None:
         window = Window(frame, start, BAND)
         band = window.within(BAND) - window.within(-BAND)
         places = np.flatnonzero(band.view(np.bool_))
@@ -164,6 +169,12 @@ class EdgeFit:
         if count < LEAST_PIXELS:
             msg = 'too few pixels along the outline'
             raise DetectionError(msg)
+        if sectors is not None:
+            places = places[_lie_in(places, band.shape[1], window, start, sectors)]
+            count = places.size
+            if count < LEAST_PIXELS:
+                msg = 'too few pixels along what is seen of the outline'
+                raise DetectionError(msg)
         self._width = band.shape[1]
         self._rows = places // self._width
         self._columns = places - self._rows * self._width
@@ -396,6 +407,20 @@ class EdgeFit:
             power += abs(waves.sum()) ** 2
             waves *= normal
         return float(power) / (WAVES * float(weight.sum()))
+
+
+def _lie_in(
+    places: npt.NDArray[np.intp],
+    width: int,
+    window: Window,
+    outline: Ellipse,
+    sectors: npt.NDArray[np.bool_],
+) -> npt.NDArray[np.bool_]:
+    u, v = outline.centre.tolist()
+    angles = np.arctan2(places // width + window.top - v, places % width + window.left - u)
+    which = (angles * (len(sectors) / (2 * math.pi))).astype(np.intp) % len(sectors)
+    seen: npt.NDArray[np.bool_] = sectors[which]
+    return seen
 
 
 def _limited(value: float, most: float) -> float:

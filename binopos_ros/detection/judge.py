@@ -17,6 +17,9 @@ FLAT_SHARE, ROUGHNESS = 0.15, 0.3
 """A flat outline must be an ellipse more surely than a round one: it may disagree by so much of
 its axis ratio, and by so many pixels along its minor axis that raggedness takes."""
 
+LEAST_OF_CUT = 0.65
+"""Least share of an outline to be seen where the image cuts it: beyond may be anything."""
+
 ROUND = 0.7
 """Smallest axis ratio of a ball's outline."""
 
@@ -79,8 +82,12 @@ def _refusal(seen: Description, threshold: float, options: DetectorOptions) -> s
         return reason
     if seen.redness < options.min_redness:
         return f'redness {seen.redness:.2f} is below {options.min_redness:.2f}'
-    if seen.cut:
+    if seen.cut and (seen.arcs is None or seen.arcs.share < LEAST_OF_CUT):
         return 'cut by the edge of the image'
+    if seen.arcs is not None and seen.arcs.share < options.min_seen:
+        return (
+            f'only {seen.arcs.share:.2f} of its outline is seen, less than {options.min_seen:.2f}'
+        )
     if 2 * major < options.min_diameter:
         return f'diameter {2 * major:.1f} px is below {options.min_diameter:.1f} px'
     if 2 * major > options.max_diameter:
@@ -89,6 +96,8 @@ def _refusal(seen: Description, threshold: float, options: DetectorOptions) -> s
     least_ratio = max(options.min_axis_ratio, ROUND if options.target.shape == 'ball' else 0.0)
     if ratio < least_ratio:
         return f'axis ratio {ratio:.2f} is below {least_ratio:.2f}'
+    if seen.arcs is not None:
+        return ''
     least_fit = max(options.min_fit, 1 - FLAT_SHARE * ratio - ROUGHNESS / seen.width)
     if seen.fit < least_fit:
         return f'shape agrees with an ellipse by {seen.fit:.2f}, less than {least_fit:.2f}'

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .describe import covered
+from .describe import Description, covered
 from .edge import EdgeFit, Measured
 from .errors import DetectionError
 from .images import Frame
@@ -20,6 +20,11 @@ from .target import Candidate, Detection, Ellipse, Target
 
 MOMENTS_ERROR, MOMENTS_SHARE = 0.15, 0.01
 """Standard deviation of the outline by moments, rounded: px, and as a share of the semi-axis."""
+
+ARCS_SHARE = 0.05
+"""The same share where a circle was found by arcs of it."""
+
+DIAGONAL = np.diag_indices(2)
 
 SIGMAS = 3.0
 """How far the fit may end from the outline by moments, in standard deviations of both."""
@@ -33,7 +38,7 @@ def measure(frame: Frame, judged: Sequence[Judged], threshold: float) -> Detecti
         if not each.reason:
             try:
                 seed = covered(each.description)
-                found = _measured(frame, seed)
+                found = _measured(frame, seed, each.description)
             except DetectionError as error:
                 candidate = replace(candidate, reason=str(error))
             else:
@@ -54,14 +59,18 @@ def _outranked(candidate: Candidate) -> Candidate:
     return candidate if candidate.reason else replace(candidate, reason='another ranks higher')
 
 
-def _measured(frame: Frame, seed: Ellipse) -> Measured:
+def _measured(frame: Frame, seed: Ellipse, seen: Description) -> Measured:
     # Whatever differs in the last digits where a target is followed is rounded away, so the fit
     # starts from one and the same outline however the target was found.
     start = _rounded(seed)
-    fitted = EdgeFit(frame, start).measured()
+    arcs = seen.arcs
+    fitted = EdgeFit(frame, start, None if arcs is None else arcs.sectors).measured()
+    # Of an outline that is none of an ellipse a part may be hidden, and the centre off by as much.
+    fitted.covariance[DIAGONAL] += (seen.misfit * 2 * start.semi_axes[0]) ** 2
     (u, v), (start_u, start_v) = fitted.outline.centre.tolist(), start.centre.tolist()
     shift = (u - start_u) ** 2 + (v - start_v) ** 2
-    spread = (MOMENTS_ERROR + MOMENTS_SHARE * start.semi_axes[0]) ** 2
+    share = MOMENTS_SHARE if arcs is None else ARCS_SHARE
+    spread = (MOMENTS_ERROR + share * start.semi_axes[0]) ** 2
     (a, _), (_, d) = fitted.covariance.tolist()
     if shift <= SIGMAS**2 * ((a + d) / 2 + spread):
         return fitted

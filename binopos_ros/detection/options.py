@@ -56,6 +56,12 @@ class DetectorOptions:
         '',
         (0.0, 1.0),
     )
+    min_seen: float = option(
+        0.4,
+        'Smallest share of a round outline that is seen where something hides the rest',
+        '',
+        (0.2, 1.0),
+    )
     min_redness: float = option(
         -0.05,
         'Smallest redness (R - G) / (R + G + B) of a target; below 0 it may look orange or grey',
