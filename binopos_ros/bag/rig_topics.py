@@ -40,6 +40,7 @@ _SIDE_OF = {'left': 'left', 'l': 'left', 'infra1': 'left'}
 #: Words in the names of images that are no pictures of the scene.
 _NO_PICTURES = {'depth', 'compressedDepth', 'disparity', 'confidence', 'overlay', 'theora'}
 _RECTIFIED = {'rect', 'rectified'}
+_GREY = {'mono', 'gray', 'grey'}
 
 
 @dataclass(frozen=True)
@@ -340,11 +341,10 @@ def _contract_of(images: Mapping[str, str]) -> str | None:
     return _contract_namespace(keys.pop()) if len(keys) == 1 else None
 
 
-def _rank(key: str) -> int:
-    """The contract's names first, then pictures as the camera took them, then rectified ones."""
-    if _contract_namespace(key) is not None:
-        return 0
-    return 2 if _words(key) & _RECTIFIED else 1
+def _rank(key: str) -> tuple[bool, bool, bool]:
+    """The contract's names first, then coloured pictures, and those as the camera took them."""
+    words = _words(key)
+    return _contract_namespace(key) is None, bool(words & _GREY), bool(words & _RECTIFIED)
 
 
 def _fitting(infos: Iterable[str], *, rectified: bool) -> str:

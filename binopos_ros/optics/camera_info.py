@@ -289,7 +289,8 @@ def _parse_yaml(text: str, path: PathLike) -> CameraInfo:
     try:
         data = plain_yaml.load(text)
     except plain_yaml.PlainYamlError as error:
-        msg = f'{path} is not valid YAML: {error}'
+        where = f', line {error.line}' if error.line else ''
+        msg = f'{path}{where} is not valid YAML: {error.problem}'
         raise OpticsError(msg) from None
     if not isinstance(data, dict):
         msg = f'{path} is no camera_info file: it has no keys such as image_width'

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml  # type: ignore[import-untyped]
 
+from binopos_ros import plain_yaml
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.rig_state import RigState
 
@@ -66,13 +65,11 @@ def read_covariance(path: Path) -> ParameterCovariance:
     if path.exists() and not path.is_file():
         raise OpticsError(f'cannot read the covariance {path}: it is no file')
     try:
-        data: Any = yaml.load(
-            path.read_text(encoding='utf-8'), getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-        )
+        data = plain_yaml.load(path.read_text(encoding='utf-8'))
     except OSError as error:
         msg = f'cannot read the covariance {path}: {error.strerror}'
         raise OpticsError(msg) from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
+    except (plain_yaml.PlainYamlError, UnicodeDecodeError):
         raise OpticsError(f'{path} is not valid YAML: calibrate again') from None
     try:
         names = tuple(str(name) for name in data['names'])

@@ -148,6 +148,26 @@ def test_names_of_known_cameras_are_found_by_themselves(
         assert used(done) == PAIRS
 
 
+def test_of_one_cameras_pictures_those_that_tell_most_are_taken(bag: Path, tmp_path: Path) -> None:
+    """As a ZED publishes them: raw and rectified, in colour and grey."""
+    names = ('raw/image_raw_color', 'raw/image_raw_gray', 'image_rect_color', 'image_rect_gray')
+
+    def publish(entry: Entry) -> list[Entry]:
+        side = entry.topic.split('/')[2]
+        if entry.topic.endswith(INFO):
+            return [
+                entry._replace(topic=f'/zed/{folder}/camera_info')
+                for folder in (side, f'{side}/raw')
+            ]
+        if entry.topic.endswith(JPEG):
+            return [raw(entry)._replace(topic=f'/zed/{side}/{name}') for name in names]
+        return [entry]
+
+    done = process(rewritten(bag, tmp_path / 'bag', publish))
+    assert used(done) == PAIRS
+    assert 'left /zed/left/raw/image_raw_color' in figure(done, 'note')
+
+
 def as_camera(entry: Entry, left: str, right: str) -> Entry:
     """The rig's pictures under other names, raw where the name is not of a compressed topic."""
     for own, image in ((LEFT, left), (RIGHT, right)):
