@@ -97,7 +97,7 @@ class Parameters:
                     values[key] = _of_ros(key, entry)
                 elif block.node in names:
                     _at(entry, refuse_unknown, [key], specs)
-        return values
+        return values | self._derived(name, values)
 
     def check(self, name: str) -> None:
         """See that a node could start with its values, as far as can be told without it.
@@ -110,6 +110,16 @@ class Parameters:
         for options_type in options_types(name, values.get('method')):
             own = specs_of(options_type)
             build(options_type, {key: value for key, value in values.items() if key in own})
+
+    def _derived(self, name: str, values: dict[str, Any]) -> dict[str, Any]:
+        """What follows for a node from what the triangulator was told, where it is not given."""
+        if name == 'detector' and 'mirror_above' not in values:
+            # Who looks through the surface itself does not see things mirrored in it.
+            return {'mirror_above': False} if _through_surface(self.given('triangulator')) else {}
+        if name == 'smoother' and not values.get('target_diameter'):
+            diameter = self.given('triangulator').get('target.diameter')
+            return {'target_diameter': diameter} if diameter else {}
+        return {}
 
     def notices(self) -> list[str]:
         """Blocks that hold for nothing and look as if they were meant for a node of the suite."""
@@ -167,6 +177,13 @@ def _located(key: str, entry: Entry) -> Any:
         return entry.value
     beside = entry.folder / entry.value
     return str(beside.absolute()) if entry.value and beside.is_file() else entry.value
+
+
+def _through_surface(triangulator: Mapping[str, Any]) -> bool:
+    """Whether the cameras look from the air through the water's surface, with nothing between."""
+    indices: Sequence[float] = triangulator.get('interface.indices') or ()
+    in_housing = triangulator.get('left_port.indices') or triangulator.get('right_port.indices')
+    return len(indices) == 2 and indices[0] < indices[1] and not in_housing
 
 
 def options_types(name: str, method: str | None = None) -> list[type]:

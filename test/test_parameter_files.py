@@ -157,3 +157,23 @@ def test_values_that_do_not_fit_together_are_told_before_a_node_starts(written):
 def test_words_without_parameters_are_handed_on():
     words = ['--ros-args', '--log-level', 'warn', '-p', 'smoother:max_jump:=1.0', '-r', 'a:=b']
     assert RosArguments.of(words).others == ['--log-level', 'warn', '-r', 'a:=b']
+
+
+@pytest.mark.parametrize(
+    ('interface', 'given', 'mirrored'),
+    [
+        ('interface.indices: [1, 1.333]', '', False),
+        ('interface.indices: [1, 1.333]', 'mirror_above: true', True),
+        # A tank's wall: the surface above the target mirrors it.
+        ('interface.indices: [1, 1.5, 1.333]', '', None),
+        ('left_port.indices: [1, 1.5, 1.333]', '', None),
+    ],
+)
+def test_a_surface_seen_from_the_air_mirrors_nothing(written, interface, given, mirrored):
+    path = written(
+        f'/**/triangulator: {{ros__parameters: {{{interface}, target.diameter: 0.06}}}}\n'
+        f'/**/detector: {{ros__parameters: {{{given}}}}}\n'
+    )
+    parameters = Parameters([path])
+    assert parameters.of_node('detector').get('mirror_above') is mirrored
+    assert parameters.of_node('smoother')['target_diameter'] == 0.06

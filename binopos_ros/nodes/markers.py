@@ -6,22 +6,33 @@ import math
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.duration import Duration
 from visualization_msgs.msg import Marker, MarkerArray
 
 #: Of the chi-square distribution with three degrees of freedom, the 95 % point.
 CHI_SQUARE_95 = 7.815
-BALL_DIAMETER = 0.02
+#: Of the ball where the target's is not known, m.
+DIAMETER = 0.02
 
 
-def target_markers(pose: PoseWithCovarianceStamped) -> MarkerArray:
-    """The ball at the target's position and the ellipsoid about it."""
+def target_markers(
+    pose: PoseWithCovarianceStamped, diameter: float, lifetime: float
+) -> MarkerArray:
+    """The ball at the target's position and the ellipsoid about it, each seen through the other.
+
+    Args:
+        pose: of the target.
+        diameter: of the target, m; 0 where it is not known.
+        lifetime: seconds after which they vanish, unless they are renewed.
+    """
     ball = Marker(header=pose.header, ns='target', id=0, type=Marker.SPHERE, action=Marker.ADD)
     ball.pose = pose.pose.pose
-    ball.scale.x = ball.scale.y = ball.scale.z = BALL_DIAMETER
-    ball.color.r, ball.color.a = 1.0, 1.0
+    ball.scale.x = ball.scale.y = ball.scale.z = diameter or DIAMETER
+    ball.color.r, ball.color.a = 1.0, 0.4
     ellipsoid = Marker(
         header=pose.header, ns='covariance', id=1, type=Marker.SPHERE, action=Marker.ADD
     )
+    ball.lifetime = ellipsoid.lifetime = Duration(seconds=lifetime).to_msg()
     ellipsoid.pose.position = pose.pose.pose.position
     covariance = np.asarray(pose.pose.covariance).reshape(6, 6)[:3, :3]
     variances, axes = np.linalg.eigh(covariance)
@@ -31,8 +42,13 @@ def target_markers(pose: PoseWithCovarianceStamped) -> MarkerArray:
     orientation.x, orientation.y, orientation.z, orientation.w = quaternion(axes)
     lengths = 2 * np.sqrt(CHI_SQUARE_95 * np.clip(variances, 1e-12, None))
     ellipsoid.scale.x, ellipsoid.scale.y, ellipsoid.scale.z = (float(x) for x in lengths)
-    ellipsoid.color.r, ellipsoid.color.g, ellipsoid.color.a = 1.0, 0.6, 0.4
+    ellipsoid.color.r, ellipsoid.color.g, ellipsoid.color.a = 1.0, 0.6, 0.7
     return MarkerArray(markers=[ball, ellipsoid])
+
+
+def no_markers() -> MarkerArray:
+    """What takes the target's markers away."""
+    return MarkerArray(markers=[Marker(action=Marker.DELETEALL)])
 
 
 def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:

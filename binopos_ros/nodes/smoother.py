@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -13,8 +14,8 @@ from visualization_msgs.msg import MarkerArray
 from binopos_ros.bag.messages import covariance_of, pose_covariance, position_of, stamp_of
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
-from binopos_ros.nodes.markers import target_markers
-from binopos_ros.nodes.shell import StageNode
+from binopos_ros.nodes.markers import no_markers, target_markers
+from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode
 from binopos_ros.smoothing.stage import Pose, Smoother, SmootherOptions, filter_options_type
 
 
@@ -36,6 +37,8 @@ class SmootherNode(StageNode):
         self._odometry = self.publisher(Odometry, 'target/odometry')
         self._markers = self.publisher(MarkerArray, 'target/markers')
         self.subscription(PoseWithCovarianceStamped, 'target/position', self._on_position)
+        self._marked = 0.0
+        self.every(LOOK_PERIOD, self._take_markers_away)
         self.create_service(Trigger, '~/reset', self._on_reset)
 
     def _configure(self, options: SmootherOptions) -> None:
@@ -85,8 +88,18 @@ class SmootherNode(StageNode):
         odometry.twist.covariance = pose_covariance(state.covariance[3:, 3:]).ravel()
         self._odometry.publish(odometry)
         if self._markers.get_subscription_count() > 0:
-            self._markers.publish(target_markers(message))
+            self._marked = time.monotonic()
+            options = self._options
+            self._markers.publish(
+                target_markers(message, options.target_diameter, options.sensor_timeout)
+            )
         self._diagnostics.published += 1
+
+    def _take_markers_away(self) -> None:
+        """Once the target is lost: no pose has come for so long as one is foretold."""
+        if self._marked and time.monotonic() - self._marked > self._options.sensor_timeout:
+            self._marked = 0.0
+            self._markers.publish(no_markers())
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._smoother.reset()

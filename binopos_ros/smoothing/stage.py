@@ -35,6 +35,12 @@ class SmootherOptions:
         'Hz',
         (0.0, 500.0),
     )
+    target_diameter: float = option(
+        0.0,
+        "of the markers' ball; 0: that of the triangulator's target, or 20 mm",
+        'm',
+        (0.0, 10.0),
+    )
 
 
 def filter_options_type(method: str) -> type[Options]:

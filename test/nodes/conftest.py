@@ -37,7 +37,9 @@ class NodeProcess:
     ) -> None:
         path = folder / f'{"_".join(names)}.yaml'
         overrides = {topic: {'subscription': {'reliability': 'reliable'}} for topic in RELIABLE}
-        every = {'qos_overrides': overrides} if reliable else {}
+        every: dict[str, Any] = {'robot_name': 'auv7'}
+        if reliable:
+            every['qos_overrides'] = overrides
         blocks = {'/**': {'ros__parameters': every}} | {
             f'/**/{name}': {'ros__parameters': values} for name, values in parameters.items()
         }

@@ -23,7 +23,8 @@ SENSOR = QoSProfile(depth=50, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 IN_WATER = {
     'interface.normal': [0.0, 0.0, 1.0],
     'interface.distance': 0.8,
-    'interface.indices': [1.0, 1.333],
+    # A whole number among them, as people write it.
+    'interface.indices': [1, 1.333],
 }
 BASELINE = 0.23
 

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from std_srvs.srv import Trigger
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.nodes.messages import pose_message
@@ -26,7 +26,7 @@ def position(stamp: int, x: float) -> PoseWithCovarianceStamped:
 
 
 def test_a_moving_target_gives_its_pose_its_velocity_and_markers(start, peer):
-    start('smoother')
+    start('smoother', parameters={'triangulator': {'target.diameter': 0.06}})
     positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
     poses = peer.listen(PoseWithCovarianceStamped, 'target/pose')
     odometry = peer.listen(Odometry, 'target/odometry')
@@ -51,6 +51,13 @@ def test_a_moving_target_gives_its_pose_its_velocity_and_markers(start, peer):
     # The target's depth is known worst, so the ellipsoid is longest along z.
     lengths = [ellipsoid.scale.x, ellipsoid.scale.y, ellipsoid.scale.z]
     assert max(lengths) > 2 * min(lengths) > 0
+    # Of the target's size, which the triangulator was told; the ellipsoid shines through.
+    assert ball.scale.x == 0.06
+    assert ball.color.a < 1.0
+    assert 0.0 < ball.lifetime.sec + 1e-9 * ball.lifetime.nanosec <= 0.5
+    # No more positions: the target is lost, and its markers go.
+    peer.wait_for(lambda: len(markers) > 120, 'the end of the markers')
+    assert markers[-1].markers[0].action == Marker.DELETEALL
 
 
 def test_at_a_fixed_rate_the_pose_is_foretold_for_the_sensor_timeout_and_then_stops(start, peer):
