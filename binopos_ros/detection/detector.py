@@ -56,6 +56,7 @@ class Detector:
         """Forget where the target was."""
         self._last: Target | None = None
         self._motion = 0.0, 0.0
+        self._factor = 1
         self._followed_for = self._votes = 0
 
     def detect(self, image: JpegImage | RawImage) -> Detection:
@@ -97,6 +98,7 @@ class Detector:
             self._votes = self._votes + 1 if _prefers_another(anywhere, detection.target) else 0
             if self._votes >= OUTVOTED:
                 self._followed_for = self._votes = 0
+                self._factor = sightings.factor
                 return measure(frame, anywhere, sightings.threshold)
         rest = self._elsewhere(frame, judged[0]) if survey else ()
         return replace(detection, candidates=(*detection.candidates, *rest), tracked=True)
@@ -105,13 +107,15 @@ class Detector:
         """Look for the target in the whole frame."""
         self._followed_for = self._votes = 0
         sightings = find(frame, self.options)
+        self._factor = sightings.factor
         return measure(frame, self._judged(frame, sightings), sightings.threshold)
 
     def _followed(self, frame: Frame, last: Target) -> Sightings:
         """What is seen where the target should be by now."""
         (u, v), (du, dv) = last.centre.tolist(), self._motion
         slack = last.diameter / 4 + max(abs(du), abs(dv)) / 2
-        return follow(frame, (u + du, v + dv), last.diameter, slack, self.options)
+        place = u + du, v + dv
+        return follow(frame, place, last.diameter, slack, self._factor, self.options)
 
     def _judged(self, frame: Frame, sightings: Sightings) -> list[Judged]:
         described = (describe(frame, each) for each in sightings.each)

@@ -32,6 +32,8 @@ SHAPE_SIZE, SHAPE_WIDTH = 8, 5
 width across that."""
 
 LEAST_SIDE = 3
+LEAST_NOISY = 32
+"""Reduced pixels that a side must have for a noisy frame to be reduced further."""
 
 
 class Sighting(NamedTuple):
@@ -47,26 +49,32 @@ class Sighting(NamedTuple):
 
 
 class Sightings(NamedTuple):
-    """What stands out in a frame, and the contrast that is asked of a target there."""
+    """What stands out in a frame, the contrast that is asked of a target there, and the scale.
+
+    factor is that by which the frame was reduced to be searched.
+    """
 
     each: list[Sighting]
     threshold: float
+    factor: int
 
 
 def find(frame: Frame, options: DetectorOptions) -> Sightings:
     """Find the red patches in a frame, the strongest first; one may come more than once."""
     factor = _search_factor(frame)
-    pixels = frame.reduced(factor, 0, 0, frame.width, frame.height)
-    shades = redness(pixels)
-    threshold = _threshold(shades, options)
+    pixels, shades, threshold = _seen(frame, factor, options)
+    if threshold > options.min_contrast and min(frame.width, frame.height) >= LEAST_NOISY * factor:
+        # Pixels too noisy to tell by: what is dim may still show in the means over four of them.
+        factor *= 2
+        pixels, shades, threshold = _seen(frame, factor, options)
     if min(shades.shape) < LEAST_SIDE:
-        return Sightings([], threshold)
+        return Sightings([], threshold, factor)
     found = []
     for column, row, size in seeds(shades, threshold):
         patch = outlined(shades, column, row, size)
         if patch is not None:
             found.append(_at_its_scale(frame, Sighting(patch, pixels, factor, (0, 0))))
-    return Sightings([each for each in found if each is not None], threshold)
+    return Sightings([each for each in found if each is not None], threshold, factor)
 
 
 def follow(
@@ -74,15 +82,15 @@ def follow(
     place: tuple[float, float],
     diameter: float,
     slack: float,
+    factor: int,
     options: DetectorOptions,
 ) -> Sightings:
-    """Find the patch at a place, px, or within `slack` px of it.
+    """Find the patch at a place, px, or within `slack` px of it, at the scale of a search.
 
     Where the patch is the one that `find` would find, its outline is the same to the last digit:
     the blocks are the same, and a patch that the window does not show with all that it is judged
     by is none.
     """
-    factor = _search_factor(frame)
     # As much as is looked at about a patch of that diameter.
     margin = max(diameter / 8 + 3 * factor, moments.margin(factor) * factor)
     reach = diameter / 2 + margin + factor + max(slack, 2 * factor)
@@ -91,7 +99,7 @@ def follow(
     x1 = min(int((u + reach) // factor) + 1, frame.width // factor)
     y1 = min(int((v + reach) // factor) + 1, frame.height // factor)
     if min(x1 - x0, y1 - y0) < LEAST_SIDE:
-        return Sightings([], options.min_contrast)
+        return Sightings([], options.min_contrast, factor)
     pixels = frame.reduced(factor, x0 * factor, y0 * factor, x1 * factor, y1 * factor)
     shades = redness(pixels)
     threshold = _threshold(shades, options)
@@ -106,9 +114,9 @@ def follow(
     whole = (-x0, -y0, frame.width // factor - x0, frame.height // factor - y0)
     near_least = moments.margin(factor)
     if patch is None or reaches_over(patch.near(near_least), (0, 0, x1 - x0, y1 - y0), whole):
-        return Sightings([], threshold)
+        return Sightings([], threshold, factor)
     seen = _at_its_scale(frame, Sighting(patch, pixels, factor, (x0 * factor, y0 * factor)))
-    return Sightings([] if seen is None else [seen], threshold)
+    return Sightings([] if seen is None else [seen], threshold, factor)
 
 
 def _search_factor(frame: Frame) -> int:
@@ -118,6 +126,13 @@ def _search_factor(frame: Frame) -> int:
     while longer / factor > SEARCH_WIDTH * 1.5 and shorter / factor >= 2 * LEAST_SIDE:
         factor *= 2
     return factor
+
+
+def _seen(frame: Frame, factor: int, options: DetectorOptions) -> tuple[Picture, Map, float]:
+    """A frame reduced by a factor, its redness, and the contrast asked for there."""
+    pixels = frame.reduced(factor, 0, 0, frame.width, frame.height)
+    shades = redness(pixels)
+    return pixels, shades, _threshold(shades, options)
 
 
 def _threshold(shades: Map, options: DetectorOptions) -> float:

@@ -256,3 +256,20 @@ def test_whatever_the_pixels_are_the_answer_is_finite_or_has_a_reason(seed, size
     assert np.linalg.eigvalsh(target.covariance).min() > 0
     assert 0 <= target.centre[0] <= size[1] - 1
     assert 0 <= target.centre[1] <= size[0] - 1
+
+
+def test_a_dim_noisy_target_is_found_and_followed():
+    rng = np.random.default_rng(6)
+    follower, found, tracked = Detector(), 0, 0
+    for k in range(32):
+        # A fifth of the light, and noise of 8 grey levels: single pixels tell nothing.
+        centre = (150 + 3.0 * k, 120 + 1.5 * k)
+        dim = 0.22 * tank((centre, (15, 14), 0, RED), noise=0.0).astype(float)
+        picture = np.clip(np.round(dim + rng.normal(0, 8, dim.shape)), 0, 255).astype(np.uint8)
+        detection = follower.detect(raw(picture))
+        tracked += detection.tracked
+        if detection.target is not None:
+            found += 1
+            assert np.allclose(detection.target.centre, centre, atol=1.0)
+    assert found >= 31
+    assert tracked >= 28
