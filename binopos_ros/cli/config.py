@@ -65,6 +65,12 @@ def calibration_beside(bag: Path) -> tuple[()] | tuple[Path, Path]:
     return () if left is None or right is None else (left, right)
 
 
+def told_sources(arguments: argparse.Namespace, parameters: Parameters) -> list[str]:
+    """What a report says of the layers that were used, the calibration among them."""
+    given = arguments.calibration
+    return [*parameters.sources, *([f'--calibration {given}'] if given is not None else [])]
+
+
 def layers(arguments: argparse.Namespace, bag: Path | None = None) -> list[Path]:
     """The parameter files of a verb, the later over the earlier: the bag's own, `--config`.
 

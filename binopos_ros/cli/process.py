@@ -21,6 +21,7 @@ from binopos_ros.cli.config import (
     add_calibration_argument,
     add_config_argument,
     parameters_of,
+    told_sources,
 )
 from binopos_ros.cli.output import Output, Table
 from binopos_ros.cli.outputs import add_force_argument, written
@@ -81,7 +82,7 @@ def main(arguments: argparse.Namespace) -> int:
         for note in topics.notes:
             report.note(note)
         parameters = parameters_of(arguments, arguments.bag, topics.namespace or '/')
-        report.parameters = parameters.sources
+        report.parameters = told_sources(arguments, parameters)
         pipeline = Pipeline({name: parameters.of_node(name) for name in STAGES})
         for side in SIDES:
             info = calibration.get(side) or next(calibrations(reader, topics, side))

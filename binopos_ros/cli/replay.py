@@ -15,6 +15,7 @@ from binopos_ros.cli.config import (
     layers,
     live_parameters,
     ros_words,
+    told_sources,
 )
 from binopos_ros.cli.rig_bag import RigBag
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
@@ -101,7 +102,7 @@ def main(arguments: argparse.Namespace) -> int:
             arguments.enclaves,
         )
         os.environ.update(transport_environment())
-        report = Report(parameters=parameters.sources)
+        report = Report(parameters=told_sources(arguments, parameters))
         options = _player_options(arguments, parameters, bag, clock)
         replay = Replay(bag, options, parameters, calibration, report)
         problem = replay.run(supervisor, enclave_words(arguments.enclaves, ['player']))

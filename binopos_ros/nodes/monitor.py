@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+from binopos_ros.nodes.neighbours import publishers_of
 from binopos_ros.nodes.shell import sensor_data
 from binopos_ros.report import Report, pose_text
 
@@ -60,14 +61,11 @@ class Monitor(Node):
     def second_suite(self) -> str:
         """Whether more than one suite publishes the poses: '' or by whom."""
         topic = self._full('target/pose')
-        names = [
-            f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-            for each in self.get_publishers_info_by_topic(topic)
-        ]
+        names = publishers_of(self, topic)
         if len(names) < 2:
             return ''
         return (
-            f'{topic} is published by {len(names)} nodes: {", ".join(sorted(names))}. Another '
+            f'{topic} is published by {len(names)} nodes: {", ".join(names)}. Another '
             'suite runs on this ROS domain: stop it, or set another ROS_DOMAIN_ID'
         )
 

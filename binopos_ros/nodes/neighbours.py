@@ -7,6 +7,14 @@ from collections.abc import Iterable
 from rclpy.node import Node
 
 
+def publishers_of(node: Node, topic: str) -> list[str]:
+    """Full names of the nodes that publish a topic, in order; one that does twice stands twice."""
+    return sorted(
+        f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+        for each in node.get_publishers_info_by_topic(topic)
+    )
+
+
 def intruders(node: Node, sole_topics: Iterable[str]) -> dict[str, str]:
     """What is wrong with a node's neighbours, by what it is about; empty where all is well.
 
@@ -16,13 +24,9 @@ def intruders(node: Node, sole_topics: Iterable[str]) -> dict[str, str]:
     """
     found = {}
     for topic in sole_topics:
-        publishers = [
-            f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-            for each in node.get_publishers_info_by_topic(topic)
-        ]
-        if len(publishers) > 1:
-            names = ' and '.join(sorted(publishers))
-            found[topic] = f'{topic} has {len(publishers)} publishers: {names}'
+        names = publishers_of(node, topic)
+        if len(names) > 1:
+            found[topic] = f'{topic} has {len(names)} publishers: {" and ".join(names)}'
     own = (node.get_name(), node.get_namespace())
     namesakes = node.get_node_names_and_namespaces().count(own)
     if namesakes > 1:

@@ -27,6 +27,7 @@ from binopos_ros.bag.playback import (
     chosen_topics,
 )
 from binopos_ros.nodes.interfaces import playable_class
+from binopos_ros.nodes.neighbours import publishers_of
 from binopos_ros.nodes.offers import profile_offered
 from binopos_ros.nodes.shell import POLICIES, one_line
 
@@ -214,15 +215,10 @@ class Player:
 
     def _yield_to_others(self) -> None:
         """Leave topics out that somebody publishes already: everything would come twice."""
-        own = (self._node.get_name(), self._node.get_namespace())
+        own = self._node.get_fully_qualified_name()
         for topic in self.topics:
-            others = {
-                f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-                for each in self._node.get_publishers_info_by_topic(
-                    self._publishers[topic].topic_name
-                )
-                if (each.node_name, each.node_namespace) != own
-            }
+            name = self._publishers[topic].topic_name
+            others = set(publishers_of(self._node, name)) - {own}
             if others:
                 # Not destroyed: the node may be spinning in another thread.
                 self._silent.append(self._publishers.pop(topic))

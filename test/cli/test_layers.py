@@ -127,7 +127,9 @@ def test_a_later_calibration_is_applied_to_a_recorded_bag(process, bag, tmp_path
     p[3] *= 1.01
     write_camera_info(tmp_path / 'right.yaml', dataclasses.replace(right, p=tuple(p)))
     (tmp_path / 'out.mcap').unlink()
-    assert raw_error_mm(process(bag, '--calibration', tmp_path)) > 5.0
+    done = process(bag, '--calibration', tmp_path)
+    assert raw_error_mm(done) > 5.0
+    assert f', --calibration {tmp_path}' in done.stdout
 
 
 def test_the_dumped_parameters_of_a_node_can_be_used_again(process, bag, tmp_path):

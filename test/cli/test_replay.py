@@ -74,6 +74,7 @@ def test_every_pair_reaches_the_pose_and_agrees_with_process(bag, offline, ros_d
         stdout=subprocess.PIPE,
         text=True,
     )
+    assert 'recording to' in recorder.stderr.readline()
     done = binopos('replay', bag)
     recorder.send_signal(2)
     _, errors = recorder.communicate(timeout=10)
@@ -94,6 +95,10 @@ def test_every_pair_reaches_the_pose_and_agrees_with_process(bag, offline, ros_d
     worst = max(np.abs(live[stamp] - offline[stamp]).max() for stamp in live)
     print(f'live and process differ by at most {worst:.1e} m')
     assert worst <= 1e-9
+    # The recording holds the interface and the calibration that it needs.
+    again = binopos('process', tmp_path / 'live', '-o', tmp_path / 'again.mcap')
+    assert again.returncode == 0, again.stderr
+    assert figure(again.stdout, 'pairs used') == str(PAIRS)
 
 
 def test_it_shows_the_pose_as_it_goes_one_line_per_second(bag, ros_domain):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from binopos_ros.cli.supervisor import Supervisor
 from binopos_ros.nodes.supervised import STARTER
 
 pytest.importorskip('rclpy', reason='rclpy is not installed')
@@ -138,3 +139,14 @@ def test_single_process_composes_all_nodes_in_one(suite):
     time.sleep(2.0)
     running.process.send_signal(signal.SIGINT)
     assert running.process.wait(PATIENCE) == 0
+
+
+def test_each_process_has_the_enclave_of_its_node():
+    nodes = ('detector', 'smoother')
+    each = Supervisor(nodes, ['--log-level', 'warn'], enclaves='/binopos').children
+    assert [child.command[-2:] for child in each] == [
+        ['--enclave', '/binopos/detector'],
+        ['--enclave', '/binopos/smoother'],
+    ]
+    (both,) = Supervisor(nodes, single_process=True, enclaves='/binopos').children
+    assert both.command[-3:] == ['--ros-args', '--enclave', '/binopos/detector']

@@ -252,3 +252,19 @@ def test_diagnostics_come_and_are_right_whatever_the_clock_does(start, peer):
         rig.feed(lambda before=before: len(rig.diagnostics) > before + 2, 'diagnostics')
     frequency = float(rig.status()[2]['Input frequency (Hz)'])
     assert 1.0 < frequency < 100.0
+
+
+def test_two_suites_on_one_domain_are_told(start, peer):
+    """They share the names of their topics and diagnostics."""
+    diagnostics = peer.listen(DiagnosticArray, '/diagnostics')
+    start('smoother')
+    start('smoother')
+    peer.wait_for(
+        lambda: any(
+            '2 nodes are called /stereo/smoother' in status.message
+            and status.level == DiagnosticStatus.WARN
+            for array in diagnostics
+            for status in array.status
+        ),
+        'the warning',
+    )
