@@ -202,8 +202,9 @@ class _Search:
         if keys:
             raise BagError(self._several(keys))
         self._refuse_half_a_rig(pairs)
-        message = f'{self.path}: holds no stereo images that are told apart by their names; '
-        raise BagError(message + self._listing())
+        untold = 'no two image topics differ in a word for the side alone; ' if self.images else ''
+        message = f'{self.path}: {untold}{self._listing()}'
+        raise BagError(message)
 
     def _pairs(self) -> dict[str, dict[str, _Stream]]:
         """By name with the side left out, the pictures of each side."""
