@@ -105,10 +105,10 @@ class CameraInfo:
         except (OpticsError, np.linalg.LinAlgError) as error:
             msg = f'camera {self.name!r}: {error}'
             raise OpticsError(msg) from None
-        if not _sees_its_middle(camera):
+        if not _sees_around_its_axis(camera):
             msg = (
-                f'camera {self.name!r}: the distortion {list(self.d)} cannot be undone even in '
-                'the middle of the picture; calibrate again'
+                f'camera {self.name!r}: the distortion {list(self.d)} cannot be undone even '
+                'around the principal point; calibrate again'
             )
             raise OpticsError(msg)
         return camera
@@ -249,10 +249,13 @@ def stereo_from_camera_infos(
     return left.camera(), right.camera(), from_right.T @ from_left, from_right.T @ offset
 
 
-def _sees_its_middle(camera: PinholeCamera) -> bool:
-    """Whether pixels half-way between the middle and the corners have rays that lead back."""
-    width, height = camera.size
-    pixels = np.array([[width * u, height * v] for u in (0.25, 0.75) for v in (0.25, 0.75)])
+def _sees_around_its_axis(camera: PinholeCamera) -> bool:
+    """Whether pixels about the principal point have rays that lead back.
+
+    Farther out a lens may fold, and its calibration be right all the same.
+    """
+    (width, height), centre = camera.size, np.asarray(camera.matrix)[:2, 2]
+    pixels = centre + 0.05 * np.array([[u * width, v * height] for u in (-1, 1) for v in (-1, 1)])
     again = camera.project(camera.unproject(pixels))
     return bool(np.isfinite(again).all() and np.abs(again - pixels).max() < 1.0)
 
