@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.pairs import Dropped
 from binopos_ros.calibration.views.sources import PicturePair, Pictures, grey_picture, open_files
 from binopos_ros.calibration.views.targets import Blob, TargetPair
+from binopos_ros.cli.progress import progress
 from binopos_ros.cli.recorded_calibration import calibrations
 from binopos_ros.detection import Detector, Frame, decode
 from binopos_ros.detection.images import halves, image_of
@@ -200,10 +202,14 @@ class _View:
 
 def _paired_images(path: Path, choice: TopicChoice | None) -> Iterator[Any]:
     """Pairs and leftovers of (stamp in ns, view), as `pairing` has them."""
-    with BagReader(path) as reader:
+    with ExitStack() as stack:
+        reader = stack.enter_context(BagReader(path))
         topics = RigTopics.find(reader, choice, calibrated=True)
         matcher: PairMatcher[tuple[int, _View]] = PairMatcher()
+        total = sum(reader.topics[topic].count for topic in topics.roles)
+        tick = stack.enter_context(progress(f'reading {path.name}', total))
         for record in by_stamp(reader, topics):
+            tick()
             role = topics.roles[record.topic]
             if not role.is_image:
                 continue
