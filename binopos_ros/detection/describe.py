@@ -54,8 +54,13 @@ class Description(NamedTuple):
 
 def describe(frame: Frame, sighting: Sighting) -> Description:
     """Describe a patch of a frame."""
+    ellipse, fit = _shape(sighting.patch.mask)
+    if fit < WHOLE_FIT:
+        # A highlight is a hole in the patch, and none in the target.
+        patch = sighting.patch._replace(mask=_filled(sighting.patch.mask))
+        sighting = sighting._replace(patch=patch)
+        ellipse, fit = _shape(patch.mask)
     patch = sighting.patch
-    ellipse, fit = _shape(patch.mask)
     outline = _placed(ellipse, patch.box, sighting)
     factor = sighting.factor
     width = 2 * outline.semi_axes[1] / factor
@@ -91,6 +96,13 @@ def covered(seen: Description) -> Ellipse:
         return seen.outline
     sighting, cutout = seen.sighting, seen.cutout
     return _placed(moments.covered(cutout, sighting.factor), cutout.corner, sighting)
+
+
+def _filled(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    outlines = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[-2]
+    filled = mask.copy()
+    cv2.drawContours(filled, outlines, -1, 1, cv2.FILLED)
+    return filled
 
 
 def _ends(seen: Sighting, frame: Frame) -> tuple[bool, bool, bool, bool]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from binopos_ros.detection import Detector, RawImage
-from looks import BALL, DISC, HIDDEN, take
+from looks import BALL, DISC, HIDDEN, LOOKS, take
 
 GROUND, RED = np.array([140.0, 135.0, 90.0]), np.array([40.0, 36.0, 190.0])
 
@@ -96,3 +96,14 @@ def test_a_tilted_disc_is_not_taken_for_a_part_of_a_circle():
     target = found(as_picture(painted([ellipse]))).target
     assert np.allclose(target.centre, (99.9, 79.9), atol=0.1)
     assert target.outline.semi_axes == pytest.approx((35, 17.5), abs=0.3)
+
+
+@pytest.mark.parametrize('diameter', [30, 70])
+def test_a_highlight_is_no_hole_in_the_target(diameter):
+    rng = np.random.default_rng(diameter)
+    for _ in range(8):
+        taken = take(LOOKS['ball, highlight'], diameter, rng)
+        target = found(taken.picture).target
+        assert target is not None
+        assert np.linalg.norm(target.centre - taken.centre) < 0.06
+        assert np.trace(target.covariance) < 0.05**2
