@@ -49,7 +49,7 @@ class Description(NamedTuple):
         """The share in which an outline is more than ragged, where no arcs of a circle say why."""
         if self.arcs is not None:
             return 0.0
-        return max(WHOLE_FIT - 2 * ROUGHNESS / max(self.width, 1.0) - self.fit, 0.0)
+        return max(WHOLE_FIT - 3 * ROUGHNESS / max(self.width, 1.0) - self.fit, 0.0)
 
 
 def describe(frame: Frame, sighting: Sighting) -> Description:
