@@ -86,7 +86,13 @@ class Filter(ABC, Generic[MemoryT]):
         self._run: _Run | None = None
         self._taken: deque[_Taken] = deque(maxlen=64)
 
-    def step(self, stamp: float, position: ArrayLike, covariance: ArrayLike) -> FilterState:
+    def step(
+        self,
+        stamp: float,
+        position: ArrayLike,
+        covariance: ArrayLike,
+        medium: ArrayLike | None = None,
+    ) -> FilterState:
         """Take one measurement in and return the state at the newest stamp.
 
         Parameters
@@ -96,7 +102,9 @@ class Filter(ABC, Generic[MemoryT]):
         position : (3,) array
             Measured position (m).
         covariance : (3, 3) array
-            Its covariance (m^2): what the measurement's own noise explains, without the waves.
+            Its covariance (m^2): noise that differs from frame to frame, the medium's included.
+        medium : (3, 3) array, optional
+            The part of that covariance that a waving surface makes (m^2).
 
         Returns
         -------
@@ -107,11 +115,15 @@ class Filter(ABC, Generic[MemoryT]):
         # Copies: a late measurement takes them in again, and the caller may reuse its arrays.
         measured = np.array(position, dtype=np.float64)
         spread = np.array(covariance, dtype=np.float64)
+        waving = None if medium is None else np.array(medium, dtype=np.float64)
         if not math.isfinite(stamp):
             return self._say(self._stamp, 'the stamp is not finite')
         reason = _why_bad(measured, spread)
+        if not reason and waving is not None:
+            reason = _why_no_part(waving, spread)
         if reason:
             return self._say(stamp, reason)
+        spread = self.spread(spread, waving)
         if self._memory is None:
             return self._begin(stamp, measured, spread)
         elapsed = stamp - self._stamp
@@ -141,6 +153,10 @@ class Filter(ABC, Generic[MemoryT]):
         if stamp < self._stamp:
             return self._say(stamp, 'the stamp lies before the newest measurement')
         return self._say(stamp, '')
+
+    def spread(self, covariance: Array, medium: Array | None = None) -> Array:
+        """Return what the filter makes of a covariance (..., 3, 3) and the medium's part of it."""
+        return covariance
 
     @abstractmethod
     def _start(self, position: Array, covariance: Array) -> MemoryT:
@@ -249,6 +265,16 @@ class Filter(ABC, Generic[MemoryT]):
 
 def _state(stamp: float, estimate: Estimate, reason: str = '') -> FilterState:
     return FilterState(stamp, *estimate[:3], float(estimate.certainty), reason)
+
+
+def _why_no_part(medium: Array, covariance: Array) -> str:
+    """Return what is wrong with the medium's part of a covariance, or ''."""
+    if medium.shape != (3, 3):
+        return f"the medium's covariance has shape {medium.shape}, not (3, 3)"
+    noise, part = np.diagonal(covariance - medium), np.diagonal(medium)
+    if not np.isfinite(medium).all() or (part < 0.0).any() or (noise <= 0.0).any():
+        return "the medium's covariance is no part of the position's"
+    return ''
 
 
 def _why_bad(position: Array, covariance: Array) -> str:

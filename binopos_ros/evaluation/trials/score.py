@@ -62,7 +62,7 @@ def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]
     covariances = np.stack([trial.covariances for trial in trials])
     truth = np.stack([trial.truth for trial in trials])
     options = smoother.options
-    memory = smoother._start(positions[:, 0], covariances[:, 0])
+    memory = smoother._start(positions[:, 0], smoother.spread(covariances[:, 0]))
     estimates, spreads = np.empty_like(positions), np.empty_like(covariances)
     at = stamps[:, 0]
     began = time.perf_counter()
@@ -72,6 +72,7 @@ def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]
             measured = np.isfinite(positions[:, number, 0])
             position = np.where(measured[:, None], positions[:, number], 0.0)
             covariance = np.where(measured[:, None, None], covariances[:, number], np.eye(3))
+            covariance = smoother.spread(covariance)
             ahead = smoother._advance(memory, elapsed)
             foretold = smoother._estimate(ahead)
             distance = np.linalg.norm(position - foretold.position, axis=1)
@@ -94,6 +95,8 @@ def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]
 
 def _select(used: NDArray[np.bool_], new: Any, old: Any) -> Any:
     """Return `new` where used, else `old`: arrays with a leading batch, or tuples of such."""
+    if new is None:
+        return None
     if isinstance(new, tuple):
         return type(new)(*(_select(used, *pair) for pair in zip(new, old, strict=True)))
     new, old = np.asarray(new), np.asarray(old)

@@ -13,20 +13,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.smoothing.chain import eigenbasis
+
 Array = NDArray[np.float64]
 
 #: Of the target: still, steady, turning.
 MOTIONS = 3
 #: Of the water.
-WAVES = 4
-CALM_WATER, SLOW, QUICK, SWELL = range(WAVES)
+WAVES = 3
+SLOW, QUICK, SWELL = range(WAVES)
 #: The motion and the water of each hypothesis: swell for still targets alone.
-MOTION = np.array([0, 0, 0, 0, 1, 1, 1, 2, 2, 2])
-WATER = np.array([0, 1, 2, 3, 0, 1, 2, 0, 1, 2])
+MOTION = np.array([0, 0, 0, 1, 1, 2, 2])
+WATER = np.array([SLOW, QUICK, SWELL, SLOW, QUICK, SLOW, QUICK])
 MODELS = MOTION.size
-STILL, STEADY, TURNING = slice(0, 4), slice(4, 7), slice(7, 10)
-MOVING = slice(4, 10)
-CALM = np.flatnonzero(WATER == CALM_WATER)
+STILL, STEADY, TURNING = slice(0, 3), slice(3, 5), slice(5, 7)
+MOVING = slice(3, 7)
 #: What waves are at first, and how often they change to each: swell is rare.
 WAVE_SHARES = np.array([0.4995, 0.4995, 0.001])
 #: Components of the state of an axis.
@@ -39,27 +40,48 @@ COVARIANCES = SIZE * AXES * SIZE
 #: Powers of the elapsed time.
 ORDERS = np.arange(6.0)
 #: Real and imaginary parts of what turns or fades within a hypothesis.
-SPINS = 2 * WAVES
+SPINS = 2 * (WAVES + 1)
 
 
 @dataclasses.dataclass(frozen=True)
 class Motion:
-    """What the hypotheses assume; see the options of the cloud-Kalman filter for the units."""
+    """What the hypotheses assume of targets in a basin and of its waves.
 
-    still_density: float
-    steady_density: float
-    turn_acceleration: float
-    turn_time: float
-    first_speed: float
-    start_speed: float
-    pause_dwell: float
-    rest_dwell: float
-    steady_dwell: float
-    turn_dwell: float
-    wave_frequencies: tuple[float, ...]
-    wave_dwell: float
-    calm_dwell: float
-    wave_dampings: tuple[float, ...]
+    Found by the tuning of `bench/tune_filters.py` on basins' waves of 1.6 to 6 Hz, but for the
+    dwells of pauses and rests and for the swell.
+
+    Attributes
+    ----------
+    still_density : float
+        Growth of the variance of a still target (m^2/s).
+    steady_density : float
+        Acceleration density of a steady target (m^2/s^3).
+    turn_acceleration, turn_time : float
+        Deviation of a turning target's acceleration (m/s^2), and the time that it lasts (s).
+    first_speed, start_speed : float
+        Deviations of the velocity of a target first seen, and of a still one that starts (m/s).
+    pause_dwell, rest_dwell, steady_dwell, turn_dwell : float
+        Mean times that a target pauses, rests, is steady and turns (s).
+    wave_frequencies, wave_dampings : tuple of float
+        Of slow and quick waves and of swell (Hz, damping ratios).
+    wave_dwell : float
+        Mean time that waves stay slow or quick (s).
+
+    """
+
+    still_density: float = 5.215e-10
+    steady_density: float = 1.114e-7
+    turn_acceleration: float = 0.2243
+    turn_time: float = 0.4048
+    first_speed: float = 0.2009
+    start_speed: float = 0.003
+    pause_dwell: float = 2.0
+    rest_dwell: float = 100.0
+    steady_dwell: float = 8.496
+    turn_dwell: float = 0.538
+    wave_frequencies: tuple[float, ...] = (1.93, 3.48, 1.1)
+    wave_dampings: tuple[float, ...] = (0.2112, 0.2112, 0.08)
+    wave_dwell: float = 18.14
 
 
 def exponents(motion: Motion) -> Array:
@@ -94,13 +116,13 @@ def polynomial_transitions(motion: Motion) -> Array:
 
 def spinning_transitions(motion: Motion) -> Array:
     """Return the basis (SPINS, M, n, n) of the rest, for parts of the turns and the decay."""
-    basis = np.zeros((WAVES, 2, MODELS, SIZE, SIZE))
+    basis = np.zeros((WAVES + 1, 2, MODELS, SIZE, SIZE))
     # The oscillator of wave.py, taken apart into decayed cosine and sine.
-    for wave, damping in enumerate(motion.wave_dampings, start=1):
+    for wave, damping in enumerate(motion.wave_dampings):
         unit = 1.0 / _damped(damping)
         slant = damping * unit
         for model in np.flatnonzero(wave == WATER):
-            cosine, sine = basis[wave - 1, :, model]
+            cosine, sine = basis[wave, :, model]
             cosine[S, S] = cosine[U, U] = 1.0
             sine[S, S], sine[U, U] = slant, -slant
             sine[S, U], sine[U, S] = unit, -unit
@@ -142,18 +164,15 @@ def switches(motion: Motion) -> tuple[Array, Array, Array]:
 
     Switch probabilities, from the row's hypothesis on, are exp((rates + resting patience) t) @
     basis. The hypotheses follow a Markov chain in continuous time: each motion is left after its
-    mean dwell, for any of the others alike, and so are calm water and each of the waves. Such a
-    chain is reversible, so its eigenvalues are real. For a still target that rests, motions pass
+    mean dwell, for any of the others alike, and so are the waves. Such a chain is reversible, so its eigenvalues are real. For a still target that rests, motions pass
     more slowly: its rows are those of a shorter time.
     """
-    waves = np.empty((WAVES, WAVES))
-    waves[1:, 1:] = 2.0 * WAVE_SHARES / motion.wave_dwell
-    waves[0, 1:], waves[1:, 0] = WAVE_SHARES / motion.calm_dwell, 1.0 / motion.calm_dwell
+    waves = np.tile(2.0 * WAVE_SHARES / motion.wave_dwell, (WAVES, 1))
     np.fill_diagonal(waves, 0.0)
     waves -= np.diag(waves.sum(axis=1))
     leaving = 1.0 / np.array([motion.pause_dwell, motion.steady_dwell, motion.turn_dwell])[:, None]
     motions = leaving * (np.full((MOTIONS, MOTIONS), 0.5) - 1.5 * np.eye(MOTIONS))
-    (fast, motion_basis), (slow, wave_basis) = _eigenbasis(motions), _eigenbasis(waves)
+    (fast, motion_basis), (slow, wave_basis) = eigenbasis(motions), eigenbasis(waves)
     # From hypothesis (motion i, wave k) to (j, l), for each pair of eigenvalues.
     pairs = np.einsum('aij,bkl->abikjl', motion_basis, wave_basis)
     pairs = pairs.reshape(MOTIONS * WAVES, MOTIONS * WAVES, -1)[:, MOTION * WAVES + WATER]
@@ -184,11 +203,10 @@ def outer_bases() -> tuple[Array, Array]:
 
 
 def wave_spread() -> Array:
-    """Return the basis (3, M n 3 n): covariances of waves of the axes' variances, if not calm."""
+    """Return the basis (3, M n 3 n): covariances of waves of the axes' variances."""
     basis = np.zeros((AXES, MODELS, SIZE, AXES, SIZE))
     for axis in range(AXES):
         basis[axis, :, S, axis, S] = basis[axis, :, U, axis, U] = 1.0
-    basis[:, CALM] = 0.0
     return basis.reshape(AXES, -1)
 
 
@@ -238,13 +256,6 @@ def _folding() -> Array:
     folding[MOTION, WATER, np.arange(MODELS)] = 1.0
     folding[1:, SWELL] = folding[1:, SLOW]
     return folding.reshape(-1, MODELS)
-
-
-def _eigenbasis(generator: Array) -> tuple[Array, Array]:
-    """Return eigenvalues (k,) and projections (k, k, k): exp(G t) = sum of exp(e t) projection."""
-    rates, right = np.linalg.eig(generator)
-    left = np.linalg.inv(right)
-    return rates.real, (right.T[:, :, None] * left[:, None, :]).real
 
 
 def _damped(damping: float) -> float:

@@ -1,4 +1,4 @@
-"""A bank of Kalman filters: hypotheses of the target's motion, each in calm and in wavy water.
+"""A bank of Kalman filters for wavy water: hypotheses of the target's motion and of the waves.
 
 Per axis the state is (p, v, a, s, u): position, velocity and acceleration of the target, and the
 waves' oscillator (see :mod:`binopos_ros.smoothing.wave`) of which u adds to what is measured. The
@@ -9,10 +9,8 @@ steady   v wanders slowly, a = 0
 turning  a is a Gauss-Markov process (Singer, "Estimating optimal tracking filter performance for
          manned maneuvering targets", IEEE TAES 6(4), 1970)
 
-Each comes in calm water, where the measurement's own covariance explains it all, and with the
-waves' oscillator at either of two frequencies, whose bands overlap: slow waves that are taken for
-quick ones would be followed as motion. Waves that set in after calm water may be anywhere in
-their swing.
+Each comes with the waves' oscillator at either of two frequencies, whose bands overlap: slow waves
+that are taken for quick ones would be followed as motion.
 
 The hypotheses interact as in Blom & Bar-Shalom 1988 (see opponents/multiple_models.py), with two
 additions. A target that leaves a hypothesis without velocity or acceleration may have any that is
@@ -33,10 +31,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.smoothing import bases
-from binopos_ros.smoothing.bases import (
+from binopos_ros.smoothing import wave_bases as bases
+from binopos_ros.smoothing.wave_bases import (
     AXES,
-    CALM,
     COVARIANCES,
     MODELS,
     MOVING,
@@ -58,18 +55,9 @@ Array = NDArray[np.float64]
 
 #: Added to every weight, so that no hypothesis is ever ruled out for good.
 _LEAST_WEIGHT = 1e-12
-#: Probability that the water is calm at first. Waves show in two or three positions, and cost next
-#: to nothing until then; a quick target in calm water that is taken for a wave costs centimetres.
-_CALM_AT_FIRST = 0.95
-#: Factor on the measurement's variance in calm water: ports, outlines and calibrations have small
-#: errors that pixel noise does not explain, and swell is less readily taken for a target's motion.
-_CALM_DOUBT = 3.0
 #: Probabilities that a still target rests: one first seen, and one that has just stopped.
 _RESTING_AT_FIRST, _RESTING_AFTER_STOP = 0.5, 0.3
 
-_DOUBT = np.ones((MODELS, 1))
-_DOUBT[CALM] = _CALM_DOUBT
-_OWN = (_DOUBT[None] * np.eye(AXES)[:, None, :]).reshape(AXES, -1)
 _ONES = np.ones(MODELS)
 _TOTAL = np.ones((MODELS, MODELS))
 _THREE = np.ones(AXES)
@@ -169,14 +157,8 @@ class Bank:
         square[..., P, U] = square[..., U, P] = -wave
         square[..., MOVING, :, V, V] = self._motion.first_speed**2
         square[..., TURNING, :, A, A] = self._motion.turn_acceleration**2
-        # Calm water: the position is where it was measured, and there are no waves.
-        for model in CALM:
-            calm = square[..., model, :, :, :]
-            calm[..., P, P] = _CALM_DOUBT * variance
-            calm[..., S:, :] = calm[..., S:] = 0.0
-        rough = (1.0 - _CALM_AT_FIRST) * bases.WAVE_SHARES
-        weights = np.array([_CALM_AT_FIRST, *rough])[bases.WATER]
-        weights /= weights.sum()
+        weights = bases.WAVE_SHARES[bases.WATER]
+        weights = weights / weights.sum()
         return Hypotheses(
             states.reshape(*batch, MODELS, STATES),
             square.swapaxes(-3, -2).reshape(*batch, MODELS, COVARIANCES),
@@ -244,11 +226,10 @@ def controlled(bank: Hypotheses, control: Array) -> Hypotheses:
 
 def innovations(bank: Hypotheses, position: Array, variance: Array) -> Innovations:
     """Return what a position (..., 3) of that variance (..., 3) along the axes says."""
-    # In calm water u is 0, and so are its covariances.
     apart = position[..., None, :] - bank.states.dot(_SEEN_STATES)
     cross = bank.covariances.dot(_SEEN_COVARIANCES)
     expected = cross.dot(_SEEN_STATES)
-    expected += variance.dot(_OWN).reshape(expected.shape)
+    expected += variance[..., None, :]
     distances = (apart * apart / expected).dot(_THREE)
     return Innovations(apart, expected, cross, distances, smallest(distances))
 
@@ -275,17 +256,13 @@ def mean_position(bank: Hypotheses) -> Array:
     return sums(bank.weights, bank.states[..., :AXES])
 
 
-def moments(bank: Hypotheses, scales: Array, doubt: float) -> tuple[Array, Array]:
-    """Return mean (..., 6) and covariance (..., 6, 6) of p and v along the axes, over all.
-
-    `scales` (..., M) multiply the hypotheses' own covariances, and `doubt` that of their means.
-    """
+def moments(bank: Hypotheses) -> tuple[Array, Array]:
+    """Return mean (..., 6) and covariance (..., 6, 6) of p and v along the axes, over all."""
     states = bank.states[..., : 2 * AXES]
     mean = sums(bank.weights, states)
     apart = states - mean[..., None, :]
-    weighted = apart * (doubt * bank.weights)[..., None]
-    spread = product(weighted.swapaxes(-1, -2), apart)
-    within = sums(bank.weights * scales, bank.covariances)
+    spread = product((apart * bank.weights[..., None]).swapaxes(-1, -2), apart)
+    within = sums(bank.weights, bank.covariances)
     spread += within.dot(_KINEMATIC).reshape(spread.shape)
     return mean, spread
 
