@@ -95,8 +95,8 @@ def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]
 
 def _select(used: NDArray[np.bool_], new: Any, old: Any) -> Any:
     """Return `new` where used, else `old`: arrays with a leading batch, or tuples of such."""
-    if new is None:
-        return None
+    if new is None or old is None:
+        return new
     if isinstance(new, tuple):
         return type(new)(*(_select(used, *pair) for pair in zip(new, old, strict=True)))
     new, old = np.asarray(new), np.asarray(old)

@@ -1,0 +1,206 @@
+"""How the medium fluctuates: waves on a free surface, by the miss of the two rays.
+
+Four pixels are measured for three coordinates, so each pair leaves one number, the rays' miss,
+that tells nothing of where the target is, whatever it does. What pixel noise does not explain of
+it is the medium's doing. The misses of late are the medium's cloud: their expectation is the
+calibration's, their entropy the waves' (Eq. 22).
+
+Short waves shift both images independently of each other, so they count as pixel noise would.
+Waves that are long beside the distance of the rays at the surface shift both images alike, and
+leave only a small part in the miss. How small, their frequency says: on deep water the wavenumber
+is omega^2 / g (Lamb, Hydrodynamics, 6th ed., 1932, art. 229), and slopes of waves from all around
+at two points D apart agree to
+
+    c_across = <2 sin^2 t cos(k D cos t)>,    c_along = <2 cos^2 t cos(k D cos t)>
+
+over the directions t. And the surface as a whole rises, which is depth without a miss. What long
+waves do changes too slowly to be averaged away. Behind ports and panes nothing waves.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from binopos_ros.optics import FlatInterface, StereoRig
+
+Array = NDArray[np.float64]
+
+#: Standard acceleration of gravity, m/s^2.
+GRAVITY = 9.80665
+#: Memory of the waves' level (s): a few periods of basins' waves. Of their frequency (s): a few
+#: of the longest that show.
+_LEVEL_MEMORY, _COLOUR_MEMORY = 1.0, 5.0
+#: Misses further out than this, in their usual deviations, are shortened: one wrong pair is no
+#: wave.
+_FARTHEST = 4.0
+#: Pairs without a mean miss that stand against the calibration's share in it.
+_DOUBTED = 10.0
+#: Slower than this (Hz) the misses are those of waves too long to shift the images independently.
+#: The misses of basins' waves of 1.6 to 6 Hz come out at 3.3 Hz and more: slopes curve the most
+#: where waves are short.
+_LONG_WAVES = 2.5
+#: Slower waves (Hz) leave no miss that pixels show.
+_SLOWEST = 0.5
+#: Part of the pixel noise's variance that misses must add to tell a frequency, and pairs needed.
+_LEAST_LEVEL, _LEAST_PAIRS = 0.15, 20.0
+_MEAN_ABSOLUTE_TO_DEVIATION = math.sqrt(math.pi / 2.0)
+
+_DIRECTIONS = (np.arange(16) + 0.5) * (math.pi / 32.0)
+_COSINES = np.cos(_DIRECTIONS)
+_ACROSS, _ALONG = 2.0 * np.sin(_DIRECTIONS) ** 2 / 16.0, 2.0 * _COSINES**2 / 16.0
+
+
+class Fluctuation(NamedTuple):
+    """What the medium adds to a position's covariance (3, 3), m^2.
+
+    Attributes
+    ----------
+    short : (3, 3) array
+        By waves that swing to and fro within the frames of a second.
+    long : (3, 3) array
+        By waves that are too slow to be averaged away.
+
+    """
+
+    short: Array
+    long: Array
+
+
+def free_surface(rig: StereoRig) -> FlatInterface | None:
+    """Return the surface that may wave: a shared one whose media touch; None where none can."""
+    surface = rig.interface
+    return surface if surface is not None and not surface.thicknesses else None
+
+
+class MediumMeter:
+    """Follows the waves' level from pair to pair.
+
+    Args:
+        rig: cameras and the free surface that both look through.
+        surface: of :func:`free_surface`.
+    """
+
+    def __init__(self, rig: StereoRig, surface: FlatInterface) -> None:
+        centre = -rig.rotation.T @ rig.translation
+        baseline = float(np.linalg.norm(centre))
+        along = centre / baseline
+        normal = surface.normal
+        # A miss is across the baseline as the right camera sees it: this gives it its sign.
+        x, y, _ = rig.translation.tolist()
+        self._sign = (-y, x)
+        self._middle = 0.5 * centre
+        self._normal = normal
+        self._distance = surface.distance
+        self._height = surface.distance - float(normal @ self._middle)
+        self._index = surface.target_index / surface.indices[0]
+        self._apart = baseline * math.sqrt(max(1.0 - float(normal @ along) ** 2, 0.0))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all pairs: the water is taken for calm."""
+        self._stamp: float | None = None
+        self._miss = 0.0
+        self._total = self._mean = self._absolute = 0.0
+        self._count = self._square = self._product = 0.0
+        self._interval = 0.0
+
+    @property
+    def level(self) -> float:
+        """The waves' deviation in the rays' miss, in those of pixel noise."""
+        return math.sqrt(max(self._deviation**2 - 1.0, 0.0))
+
+    @property
+    def frequency(self) -> float:
+        """The waves' mean frequency in the rays' miss (Hz); nan where it does not show."""
+        swing = self._square - 1.0
+        if swing < _LEAST_LEVEL or self._count < _LEAST_PAIRS or self._interval <= 0.0:
+            return math.nan
+        likeness = min(max(self._product / swing, -1.0), 1.0)
+        return max(math.acos(likeness) / (2.0 * math.pi * self._interval), _SLOWEST)
+
+    @property
+    def _deviation(self) -> float:
+        return _MEAN_ABSOLUTE_TO_DEVIATION * self._absolute
+
+    def add(
+        self, stamp: float, residuals: Array, covs: tuple[Array, Array], point: Array, noise: Array
+    ) -> Fluctuation:
+        """Take one pair in, and return what the medium adds to the covariance of its position.
+
+        Args:
+            stamp: of the pair, s; one that jumps back begins anew.
+            residuals: (4,) px, observed minus predicted, left u, v then right u, v.
+            covs: (2, 2) of the left and of the right pixel, px^2.
+            point: (3,) the position, m.
+            noise: (3, 3) its covariance by pixel noise, m^2.
+        """
+        self._follow(stamp, self._signed_miss(residuals, covs))
+        short = max(self._deviation**2 - 1.0, 0.0) * noise
+        return Fluctuation(short, self._long(point, noise))
+
+    def _signed_miss(self, residuals: Array, covs: tuple[Array, Array]) -> float:
+        """Return the rays' miss in deviations of pixel noise."""
+        lu, lv, ru, rv = residuals.tolist()
+        total = 0.0
+        for u, v, cov in ((lu, lv, covs[0]), (ru, rv, covs[1])):
+            (a, b), (_, c) = cov.tolist()
+            total += (c * u * u - 2.0 * b * u * v + a * v * v) / (a * c - b * b)
+        x, y = self._sign
+        return math.copysign(math.sqrt(max(total, 0.0)), ru * x + rv * y)
+
+    def _follow(self, stamp: float, miss: float) -> None:
+        elapsed = 0.0 if self._stamp is None else stamp - self._stamp
+        if elapsed < 0.0:
+            self.reset()
+        before, self._stamp = self._stamp, stamp
+        fading = math.exp(-elapsed / _LEVEL_MEMORY)
+        usual = max(self._deviation, 1.0)
+        self._total = self._total * fading + 1.0
+        gain = 1.0 / self._total
+        apart = miss - self._mean
+        apart = min(max(apart, -_FARTHEST * usual), _FARTHEST * usual)
+        self._count = self._count * math.exp(-elapsed / _COLOUR_MEMORY) + 1.0
+        self._mean += apart / (self._count + _DOUBTED)
+        self._absolute += gain * (abs(apart) - self._absolute)
+        self._square += (apart * apart - self._square) / self._count
+        if before is not None and elapsed > 0.0:
+            self._product += (apart * self._miss - self._product) / self._count
+            usual_interval = self._interval or elapsed
+            self._interval = usual_interval + (elapsed - usual_interval) / self._count
+        self._miss = apart
+
+    def _long(self, point: Array, noise: Array) -> Array:
+        """Return what long waves add: see the head of this file."""
+        frequency = self.frequency
+        if not frequency < _LONG_WAVES:
+            return np.zeros((3, 3))
+        depth = max(float(self._normal @ point) - self._distance, 0.0)
+        below = depth / self._index
+        separation = self._apart * below / (self._height + below)
+        wavenumber = (2.0 * math.pi * frequency) ** 2 / GRAVITY
+        turns = np.cos(wavenumber * separation * _COSINES)
+        across, along = float(_ACROSS @ turns), float(_ALONG @ turns)
+        if across >= 1.0:
+            return np.zeros((3, 3))
+        # In units of what independent shifts of the same miss would do.
+        common = math.sqrt((1.0 + across) / (1.0 - across))
+        apart = math.sqrt((1.0 - along) / (1.0 - across))
+        sight = point - self._middle
+        sight = sight / math.sqrt(float(sight @ sight))
+        onto = np.outer(sight, sight)
+        stretch = common * (np.eye(3) - onto) + apart * onto
+        # Few periods tell a variance badly: Student's, not Gauss's, with two degrees a period.
+        doubt = 1.0 + 2.0 / (frequency * _COLOUR_MEMORY)
+        result = doubt * (self._square - 1.0) * (stretch @ noise @ stretch)
+        lateral = 0.5 * float(np.trace(result) - sight @ result @ sight)
+        if depth > 0.0:
+            # A slope s shifts the target by depth s (1 - 1/n); a crest of s / k raises the
+            # surface, and hides (n - 1) of its height.
+            crest = math.sqrt(lateral) / (depth * (1.0 - 1.0 / self._index) * wavenumber)
+            rise = (self._index - 1.0) * crest
+            result = result + rise * rise * np.outer(self._normal, self._normal)
+        return result
