@@ -9,9 +9,9 @@ from typing import Any
 from binopos_ros.detection import DetectionError, DetectorOptions, Frame
 from binopos_ros.detection.stage import CameraStage
 from binopos_ros.optics import CameraInfo
-from binopos_ros.parameters import build, refuse_unknown, specs_of
+from binopos_ros.parameters import build
 from binopos_ros.sides import SIDES
-from binopos_ros.smoothing.stage import Pose, Smoother, SmootherOptions, filter_options_type
+from binopos_ros.smoothing.stage import Pose, make_smoother
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
 
@@ -98,20 +98,9 @@ class Pipeline:
             if isinstance(result, Drop):
                 yield Dropped(result.stamp, result.reason)
                 continue
-            pose, reason = self._smoother.add(result.stamp, result.point, result.covariance)
+            pose, reason = self._smoother.add(
+                result.stamp, result.point, result.covariance, result.systematic, result.medium
+            )
             yield Located(result, pose)
             if reason:
                 yield Dropped(result.stamp, f'smoother: {reason}')
-
-
-def make_smoother(values: Mapping[str, Any]) -> Smoother:
-    """The smoothing stage from flat parameter values: its own, and beside them its filter's.
-
-    Raises:
-        ParameterError, SmoothingError: the values cannot be used.
-    """
-    own = specs_of(SmootherOptions)
-    options = build(SmootherOptions, {k: v for k, v in values.items() if k in own})
-    filter_type = filter_options_type(options.method)
-    refuse_unknown(values, [*own, *specs_of(filter_type)])
-    return Smoother(options, build(filter_type, {k: v for k, v in values.items() if k not in own}))

@@ -35,6 +35,7 @@ class Output:
     def __init__(self, writer: BagWriter, namespace: str) -> None:
         self._writer = writer
         self._namespace = namespace
+        self._parts: set[str] = set()
         for topic, message_type in TOPICS.items():
             writer.add_topic(f'{namespace}/{topic}', message_type)
 
@@ -51,6 +52,9 @@ class Output:
     def _located(self, event: Located) -> None:
         position = event.position
         covariance = messages.pose_covariance(position.covariance)
+        for name, part in (('systematic', position.systematic), ('medium', position.medium)):
+            if part is not None:
+                self._part(f'target/{name}', position, part)
         self._pose('target/position', position, position.point, covariance)
         index = (position.index.mean, position.index.std, float(position.index.observed))
         vector = messages.vector3(position.stamp, position.frame_id, index)
@@ -64,6 +68,14 @@ class Output:
             position.stamp, position.frame_id, state.position, state.velocity, state.covariance
         )
         self._write('target/odometry', position.stamp, odometry)
+
+    def _part(self, topic: str, position: Position, part: NDArray[np.float64]) -> None:
+        """Write a part of a position's covariance, on a topic that is there if parts are."""
+        if topic not in self._parts:
+            self._parts.add(topic)
+            full_name = f'{self._namespace}/{topic}'
+            self._writer.add_topic(full_name, messages.POSE_WITH_COVARIANCE)
+        self._pose(topic, position, position.point, messages.pose_covariance(part))
 
     def _pose(self, topic: str, source: Any, place: Any, covariance: NDArray[np.float64]) -> None:
         message = messages.pose_with_covariance(source.stamp, source.frame_id, place, covariance)

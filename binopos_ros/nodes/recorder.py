@@ -36,6 +36,8 @@ SUITE = {
     )
 } | {
     'target/position': POSE,
+    'target/systematic': POSE,
+    'target/medium': POSE,
     'target/refractive_index': 'geometry_msgs/msg/Vector3Stamped',
     'target/pose': POSE,
     'target/odometry': 'nav_msgs/msg/Odometry',

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -16,6 +18,7 @@ from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.markers import no_markers, target_markers
 from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode
+from binopos_ros.smoothing.parts import PARTS, PartsJoiner, Whole
 from binopos_ros.smoothing.stage import Pose, Smoother, SmootherOptions, filter_options_type
 
 
@@ -36,6 +39,12 @@ class SmootherNode(StageNode):
         self._pose = self.publisher(PoseWithCovarianceStamped, 'target/pose')
         self._odometry = self.publisher(Odometry, 'target/odometry')
         self._markers = self.publisher(MarkerArray, 'target/markers')
+        self._joiner: PartsJoiner[PoseWithCovarianceStamped] = PartsJoiner()
+        self._parts = {name: self.resolve_topic_name(f'target/{name}') for name in PARTS}
+        for name in PARTS:
+            self.subscription(
+                PoseWithCovarianceStamped, f'target/{name}', partial(self._on_part, name)
+            )
         self.subscription(PoseWithCovarianceStamped, 'target/position', self._on_position)
         self._marked = 0.0
         self.every(LOOK_PERIOD, self._take_markers_away)
@@ -59,16 +68,26 @@ class SmootherNode(StageNode):
 
     def _on_position(self, message: PoseWithCovarianceStamped) -> None:
         self._diagnostics.received['target/position'] += 1
-        self._frame_id = message.header.frame_id
-        pose, reason = self._smoother.add(
-            stamp_of(message),
-            position_of(message),
-            covariance_of(message)[:3, :3],
-        )
-        if reason:
-            self._diagnostics.drop(reason)
-        if pose is not None and self._options.output_rate == 0:
-            self._publish(pose)
+        told = [name for name, topic in self._parts.items() if self.count_publishers(topic)]
+        self._take(self._joiner.add_position(stamp_of(message), message, told))
+
+    def _on_part(self, name: str, message: PoseWithCovarianceStamped) -> None:
+        part = covariance_of(message)[:3, :3]
+        self._take(self._joiner.add_part(name, stamp_of(message), part))
+
+    def _take(self, wholes: Iterable[Whole[PoseWithCovarianceStamped]]) -> None:
+        for whole in wholes:
+            self._frame_id = whole.position.header.frame_id
+            pose, reason = self._smoother.add(
+                whole.stamp,
+                position_of(whole.position),
+                covariance_of(whole.position)[:3, :3],
+                **whole.parts,
+            )
+            if reason:
+                self._diagnostics.drop(reason)
+            if pose is not None and self._options.output_rate == 0:
+                self._publish(pose)
 
     def _on_tick(self) -> None:
         pose = self._smoother.predict(self.get_clock().now().nanoseconds)

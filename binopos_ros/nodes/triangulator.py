@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
+from numpy.typing import NDArray
+from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
@@ -17,8 +19,9 @@ from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode
 from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.sides import SIDES
+from binopos_ros.triangulation.locate import Index
 from binopos_ros.triangulation.options import TriangulatorOptions
-from binopos_ros.triangulation.stage import Centroid, Drop, Index, Position, Triangulator
+from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
 
 
 class TriangulatorNode(StageNode):
@@ -30,7 +33,8 @@ class TriangulatorNode(StageNode):
         self._triangulator = Triangulator(options)
         self._newest: Index | None = None
         self._diagnostics = StageDiagnostics(self, 'stereo rig', self._details)
-        self._position = self.publisher(PoseWithCovarianceStamped, 'target/position')
+        self._places: dict[str, Publisher] = {}
+        self._offer('position', *options.parts)
         self._index = self.publisher(Vector3Stamped, 'target/refractive_index')
         for side in SIDES:
             self.latched_subscription(
@@ -45,6 +49,14 @@ class TriangulatorNode(StageNode):
 
     def _configure(self, options: TriangulatorOptions) -> None:
         self._triangulator.configure(options)
+        self._offer(*options.parts)
+
+    def _offer(self, *names: str) -> None:
+        """Be ready to publish a position, or a part of its covariance, from the first one on."""
+        for name in names:
+            if name not in self._places:
+                topic = f'target/{name}'
+                self._places[name] = self.publisher(PoseWithCovarianceStamped, topic)
 
     def _on_camera_info(self, side: str, message: CameraInfo) -> None:
         problem = ''
@@ -71,11 +83,11 @@ class TriangulatorNode(StageNode):
             if isinstance(result, Drop):
                 self._diagnostics.drop(result.reason)
                 continue
-            self._position.publish(
-                messages.pose_message(
-                    result.stamp, result.frame_id, result.point, result.covariance
-                )
-            )
+            # The parts first, so that nobody has to wait for them.
+            for name, part in (('systematic', result.systematic), ('medium', result.medium)):
+                if part is not None:
+                    self._publish(name, result, part)
+            self._publish('position', result, result.covariance)
             index = Vector3Stamped(header=messages.header(result.stamp, result.frame_id))
             index.vector.x = result.index.mean
             index.vector.y = result.index.std
@@ -84,8 +96,16 @@ class TriangulatorNode(StageNode):
             self._newest = result.index
             self._diagnostics.published += 1
 
+    def _publish(self, name: str, position: Position, covariance: NDArray[np.float64]) -> None:
+        self._places[name].publish(
+            messages.pose_message(position.stamp, position.frame_id, position.point, covariance)
+        )
+
     def _details(self) -> dict[str, object]:
         details: dict[str, object] = {'Pairs': self._triangulator.pairs}
+        level = self._triangulator.wave_level
+        if level is not None:
+            details["Waves in the rays' miss (pixel noises)"] = f'{level:.2f}'
         if self._newest is not None:
             details['Refractive index'] = f'{self._newest.mean:.5f}'
             details['Refractive index, standard deviation'] = f'{self._newest.std:.5f}'

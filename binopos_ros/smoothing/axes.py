@@ -31,8 +31,8 @@ def following(axes: Array, inside: Array) -> Array | None:
 
     `inside` (..., 3, 3) is the measurement's covariance along `axes`.
     """
-    tilt = np.abs(inside[..., 2, :2]) > _TURNED * inside[..., 2, 2:]
-    if not tilt.any():
+    tilted = (np.abs(inside[..., 2, :2]) > _TURNED * inside[..., 2, 2:]).any(axis=-1)
+    if not np.any(tilted):
         return None
     # One step of the power method from the last axis; the others are carried along.
     sight = (axes.swapaxes(-1, -2) @ inside[..., 2, :, None])[..., 0]
@@ -41,4 +41,4 @@ def following(axes: Array, inside: Array) -> Array | None:
     first = first - (first * sight).sum(axis=-1, keepdims=True) * sight
     first = first / np.linalg.norm(first, axis=-1, keepdims=True)
     turned = np.stack([first, np.cross(sight, first), sight], axis=-2)
-    return np.where(tilt.any(axis=-1)[..., None, None], turned, axes)
+    return np.where(np.asarray(tilted)[..., None, None], turned, axes)

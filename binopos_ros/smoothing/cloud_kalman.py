@@ -27,6 +27,8 @@ from binopos_ros.smoothing.waves import Waves
 
 Array = NDArray[np.float64]
 
+#: Positions with less certainty than this count as not used, and the state says so.
+_LEAST_CERTAINTY = 0.1
 #: The medium's variance, in the pixels', below which the water is calm and above which it is not:
 #: a window of calm residuals does not come out above the first.
 _CALM, _ROUGH = 0.4, 1.0
@@ -97,8 +99,8 @@ class CloudKalmanFilter(Filter[_Memory]):
             memory.free, measured, noise + medium, options.wrong_share, options.max_acceleration
         )
         if memory.waves is None:
-            wavy = waves.start(measured, noise, medium) if np.any(medium) else None
-            return memory._replace(free=free.ladder, waves=wavy, certainty=free.certainty)
+            begun = waves.start(measured, noise, medium) if np.any(medium) else None
+            return memory._replace(free=free.ladder, waves=begun, certainty=free.certainty)
         wavy = waves.correct(memory.waves, measured, noise, medium)
         rough = _roughness(noise, medium)
         certainty = free.certainty + rough * (wavy.certainty - free.certainty)
@@ -121,15 +123,14 @@ class CloudKalmanFilter(Filter[_Memory]):
             state = state + share * apart
             share = share[..., None]
             spread = spread + share * (
-                other_spread
-                - spread
-                + (1.0 - share) * apart[..., :, None] * apart[..., None, :]
+                other_spread - spread + (1.0 - share) * apart[..., :, None] * apart[..., None, :]
             )
         turn = np.zeros((*state.shape, 6))
         turn[..., :3, :3] = turn[..., 3:, 3:] = memory.axes
         vector = (state[..., None, :] @ turn)[..., 0, :]
         covariance = turn.swapaxes(-1, -2) @ spread @ turn
-        return Estimate(vector[..., :3], vector[..., 3:], covariance, memory.certainty)
+        used = memory.certainty * (memory.certainty > _LEAST_CERTAINTY)
+        return Estimate(vector[..., :3], vector[..., 3:], covariance, used)
 
 
 # Where the axes' variances of position, of both (twice) and of velocity stand in a (6, 6).

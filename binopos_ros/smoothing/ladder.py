@@ -121,8 +121,10 @@ def advance(ladder: Ladder, elapsed: Seconds) -> Ladder:
         covariances = np.concatenate([covariances[..., :2], speeds[..., None]], axis=-1)
     frames = (elapsed / interval)[..., None]
     switch = np.exp(frames * _RATES).dot(_SWITCHES)
-    switch = switch.reshape(*frames.shape, RUNGS, RUNGS) if frames.ndim > 1 else switch.reshape(
-        1, RUNGS, RUNGS
+    switch = (
+        switch.reshape(*frames.shape, RUNGS, RUNGS)
+        if frames.ndim > 1
+        else switch.reshape(1, RUNGS, RUNGS)
     )
     joint = ladder.weights[..., None] * switch
     weights = joint.sum(axis=-2)

@@ -6,15 +6,19 @@ It is the same object in the live node and in `binopos process`.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.parameters import option
+from binopos_ros.parameters import build, option, refuse_unknown, specs_of
 from binopos_ros.smoothing.factory import FILTERS, make_filter
 from binopos_ros.smoothing.options import Options
 from binopos_ros.smoothing.state import FilterState
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -62,34 +66,46 @@ class Smoother:
     def __init__(self, options: SmootherOptions, filter_options: Options) -> None:
         self.options = options
         self._filter = make_filter(options.method, **dataclasses.asdict(filter_options))
-        self._last_used: int | None = None
+        self.reset()
 
     def reset(self) -> None:
         """Forget the target."""
         self._filter.reset()
-        self._last_used = None
+        self._last_used: int | None = None
+        self._systematic: Array | None = None
 
     def add(
-        self, stamp: int, point: NDArray[np.float64], covariance: NDArray[np.float64]
+        self,
+        stamp: int,
+        point: Array,
+        covariance: Array,
+        systematic: Array | None = None,
+        medium: Array | None = None,
     ) -> tuple[Pose | None, str]:
         """Take one position in.
 
         Args:
             stamp: nanoseconds.
             point: (3,) m.
-            covariance: (3, 3) m^2.
+            covariance: (3, 3) m^2, the sum of all parts.
+            systematic: (3, 3) m^2, the part that no filter averages away: the gain does not see
+                it, and the pose has it again.
+            medium: (3, 3) m^2, the part that a waving surface makes.
 
         Returns:
             The pose at that stamp, or None where nothing can be said of it; and why the position
             was not used, or ''.
         """
-        state = self._filter.step(stamp * 1e-9, point, covariance)
-        if not state.reason:
-            is_late = self._last_used is not None and stamp < self._last_used
-            self._last_used = max(stamp, self._last_used or stamp)
-            # A late position mends the state, whose newest pose has been published already.
-            return (None if is_late else Pose(stamp, state)), ''
-        return self._foretold(stamp, state), state.reason
+        self._systematic = systematic
+        noise = covariance if systematic is None else covariance - systematic
+        state = self._filter.step(stamp * 1e-9, point, noise, medium)
+        if state.reason:
+            return self._foretold(stamp, state), state.reason
+        # Where the clock went back the filter has begun afresh, so its stamp is the one to go by.
+        is_late = stamp * 1e-9 < state.stamp
+        self._last_used = round(state.stamp * 1e9) if is_late else stamp
+        # A late position mends the state, whose newest pose has been published already.
+        return (None if is_late else Pose(stamp, self._whole(state))), ''
 
     def predict(self, stamp: int) -> Pose | None:
         """The pose foretold for a stamp (nanoseconds), None once `sensor_timeout` has passed."""
@@ -101,4 +117,25 @@ class Smoother:
         elapsed = (stamp - self._last_used) * 1e-9
         if not 0.0 < elapsed <= self.options.sensor_timeout:
             return None
-        return Pose(stamp, state)
+        return Pose(stamp, self._whole(state))
+
+    def _whole(self, state: FilterState) -> FilterState:
+        """Return a state whose covariance has the part that the filter did not see."""
+        if self._systematic is None:
+            return state
+        covariance = state.covariance.copy()
+        covariance[:3, :3] += self._systematic
+        return state._replace(covariance=covariance)
+
+
+def make_smoother(values: Mapping[str, Any]) -> Smoother:
+    """The smoothing stage from flat parameter values: its own, and beside them its filter's.
+
+    Raises:
+        ParameterError, SmoothingError: the values cannot be used.
+    """
+    own = specs_of(SmootherOptions)
+    options = build(SmootherOptions, {k: v for k, v in values.items() if k in own})
+    filter_type = filter_options_type(options.method)
+    refuse_unknown(values, [*own, *specs_of(filter_type)])
+    return Smoother(options, build(filter_type, {k: v for k, v in values.items() if k not in own}))

@@ -32,6 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.smoothing import wave_bases as bases
+from binopos_ros.smoothing.motion import Seconds
+from binopos_ros.smoothing.scalars import Number, beside, components, smaller, smallest, vector
 from binopos_ros.smoothing.wave_bases import (
     AXES,
     COVARIANCES,
@@ -48,8 +50,6 @@ from binopos_ros.smoothing.wave_bases import (
     U,
     V,
 )
-from binopos_ros.smoothing.motion import Seconds
-from binopos_ros.smoothing.scalars import Number, beside, components, smaller, smallest, vector
 
 Array = NDArray[np.float64]
 

@@ -164,8 +164,9 @@ def switches(motion: Motion) -> tuple[Array, Array, Array]:
 
     Switch probabilities, from the row's hypothesis on, are exp((rates + resting patience) t) @
     basis. The hypotheses follow a Markov chain in continuous time: each motion is left after its
-    mean dwell, for any of the others alike, and so are the waves. Such a chain is reversible, so its eigenvalues are real. For a still target that rests, motions pass
-    more slowly: its rows are those of a shorter time.
+    mean dwell, for any of the others alike, and so are the waves. Such a chain is reversible, so
+    its eigenvalues are real. For a still target that rests, motions pass more slowly: its rows
+    are those of a shorter time.
     """
     waves = np.tile(2.0 * WAVE_SHARES / motion.wave_dwell, (WAVES, 1))
     np.fill_diagonal(waves, 0.0)

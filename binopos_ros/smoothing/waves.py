@@ -16,7 +16,6 @@ The paper's idea, made to work for a target that moves:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -34,7 +33,7 @@ from binopos_ros.smoothing.scalars import (
     smaller,
     vector,
 )
-from binopos_ros.smoothing.wave_bank import Bank, Hypotheses, product
+from binopos_ros.smoothing.wave_bank import Bank, Hypotheses
 from binopos_ros.smoothing.wave_bases import AXES, SIZE, Motion, S
 
 Array = NDArray[np.float64]
@@ -155,7 +154,7 @@ def turned(waves: Waves, turn: Array) -> Waves:
 
 
 def _spreads(clouds: Clouds, noise: list[Number], medium: list[Number]) -> Iterator[Number]:
-    """Yield the waves' variances: the entropies' squares less the noise, as the medium bounds them.
+    """Yield the waves' variances: entropies' squares less the noise, as the medium bounds them.
 
     Waves shift pixels, so half of what is known of them on one axis serves the others too.
     """

@@ -51,6 +51,7 @@ class IndexState:
         point: (3,) the target in the rig frame at `mean`, m; nan where there is none.
         covariance: (3,3) of the point, m^2, with the uncertainty of the index and of all that is
             considered.
+        noise: (3,3) the part of it that pixel noise makes, m^2.
         residuals: (4,) px, observed minus predicted, left u, v then right u, v.
     """
 
@@ -62,6 +63,7 @@ class IndexState:
     reason: str
     point: Array
     covariance: Array
+    noise: Array
     residuals: Array
 
 
@@ -253,6 +255,7 @@ class IndexEstimator:
                 + correlated.T
                 + by_shared @ self._considered[:count, :count] @ by_shared.T
             ),
+            noise=evidence.covariance,
             residuals=evidence.residuals,
         )
 

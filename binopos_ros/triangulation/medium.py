@@ -53,6 +53,8 @@ _DIRECTIONS = (np.arange(16) + 0.5) * (math.pi / 32.0)
 _COSINES = np.cos(_DIRECTIONS)
 _ACROSS, _ALONG = 2.0 * np.sin(_DIRECTIONS) ** 2 / 16.0, 2.0 * _COSINES**2 / 16.0
 
+_NOTHING = np.zeros((3, 3))
+
 
 class Fluctuation(NamedTuple):
     """What the medium adds to a position's covariance (3, 3), m^2.
@@ -70,21 +72,21 @@ class Fluctuation(NamedTuple):
     long: Array
 
 
-def free_surface(rig: StereoRig) -> FlatInterface | None:
-    """Return the surface that may wave: a shared one whose media touch; None where none can."""
-    surface = rig.interface
-    return surface if surface is not None and not surface.thicknesses else None
+def may_wave(surface: FlatInterface | None) -> bool:
+    """Tell whether the interface that both cameras look through may wave: its media touch."""
+    return surface is not None and not surface.thicknesses
 
 
 class MediumMeter:
     """Follows the waves' level from pair to pair.
 
     Args:
-        rig: cameras and the free surface that both look through.
-        surface: of :func:`free_surface`.
+        rig: cameras, and the surface that both look through.
     """
 
-    def __init__(self, rig: StereoRig, surface: FlatInterface) -> None:
+    def __init__(self, rig: StereoRig) -> None:
+        surface = rig.interface
+        assert surface is not None
         centre = -rig.rotation.T @ rig.translation
         baseline = float(np.linalg.norm(centre))
         along = centre / baseline
@@ -139,8 +141,8 @@ class MediumMeter:
             noise: (3, 3) its covariance by pixel noise, m^2.
         """
         self._follow(stamp, self._signed_miss(residuals, covs))
-        short = max(self._deviation**2 - 1.0, 0.0) * noise
-        return Fluctuation(short, self._long(point, noise))
+        level = max(self._deviation**2 - 1.0, 0.0)
+        return Fluctuation(level * noise, self._long(point, noise))
 
     def _signed_miss(self, residuals: Array, covs: tuple[Array, Array]) -> float:
         """Return the rays' miss in deviations of pixel noise."""
@@ -177,7 +179,7 @@ class MediumMeter:
         """Return what long waves add: see the head of this file."""
         frequency = self.frequency
         if not frequency < _LONG_WAVES:
-            return np.zeros((3, 3))
+            return _NOTHING
         depth = max(float(self._normal @ point) - self._distance, 0.0)
         below = depth / self._index
         separation = self._apart * below / (self._height + below)
@@ -185,7 +187,7 @@ class MediumMeter:
         turns = np.cos(wavenumber * separation * _COSINES)
         across, along = float(_ACROSS @ turns), float(_ALONG @ turns)
         if across >= 1.0:
-            return np.zeros((3, 3))
+            return _NOTHING
         # In units of what independent shifts of the same miss would do.
         common = math.sqrt((1.0 + across) / (1.0 - across))
         apart = math.sqrt((1.0 - along) / (1.0 - across))

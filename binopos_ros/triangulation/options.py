@@ -13,6 +13,7 @@ from binopos_ros.parameters import UnfinishedError, check_options, option
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.index import IndexEstimator
+from binopos_ros.triangulation.medium import may_wave
 from binopos_ros.triangulation.seawater import index_prior
 
 METHODS = ('refractive', 'paper', 'straight')
@@ -191,14 +192,68 @@ class DiscOptions:
 
 
 @dataclass(frozen=True)
-class TriangulatorOptions:
-    """Options of the triangulation stage."""
+class LocatorOptions:
+    """Options of what triangulates a pair, whatever its rig."""
 
     method: str = option(
         'refractive',
         "refractive: along the bent rays; paper: the paper's; straight: in air",
         choices=METHODS,
     )
+    epipolar_gate: float = option(
+        10.0,
+        'largest distance of an image point from the image of the position found; above it left '
+        'and right did not see the same target. 0 switches it off',
+        'px',
+        (0.0, 1000.0),
+    )
+    medium: str = option(
+        'auto',
+        'auto: under a free surface the miss of the two rays tells how it waves, and the '
+        'covariance says so; still: nothing waves',
+        choices=('auto', 'still'),
+    )
+    index: IndexOptions = field(default_factory=IndexOptions)
+    target: DiscOptions = field(default_factory=DiscOptions)
+
+    def __post_init__(self) -> None:
+        if self.method != 'refractive' and self.index.is_estimated:
+            msg = (
+                f'method {self.method!r} cannot follow the index: '
+                "set index.std to 0 and index.prior to 'given'"
+            )
+            raise TriangulationError(msg)
+
+    @property
+    def watches_medium(self) -> bool:
+        """Whether the miss of the two rays is asked how the medium waves."""
+        return self.medium == 'auto' and self.method == 'refractive'
+
+    def estimator(
+        self,
+        interface: FlatInterface | None,
+        index: float | None,
+        covariance: NDArray[np.float64] | None = None,
+    ) -> IndexEstimator | None:
+        """The live estimate of the index, or None where the given one is taken for exact.
+
+        Args:
+            interface: that both cameras look through, if any.
+            index: of the target's medium; None where the cameras look through nothing.
+            covariance: (K, K) of the rig's parameters, in its own order.
+
+        Raises:
+            TriangulationError: conditions outside the formula, or an impossible known depth.
+        """
+        if index is None:
+            return None
+        return self.index.estimator(interface, index, covariance, self.epipolar_gate)
+
+
+@dataclass(frozen=True)
+class TriangulatorOptions(LocatorOptions):
+    """Options of the triangulation stage."""
+
     pair_tolerance: float = option(
         0.0,
         'largest difference between the stamps of a pair; 0 takes half of the frame period',
@@ -210,13 +265,6 @@ class TriangulatorOptions:
         'the cameras are exposed together by hardware: where the stamps of a pair differ it is '
         'their jitter. False: the right centroid is brought along its path to the left stamp',
     )
-    epipolar_gate: float = option(
-        10.0,
-        'largest distance of an image point from the image of the position found; above it left '
-        'and right did not see the same target. 0 switches it off',
-        'px',
-        (0.0, 1000.0),
-    )
     calibration_covariance: str = option(
         '',
         'covariance.yaml of `binopos calibrate interface`: the covariance of the position then '
@@ -226,10 +274,9 @@ class TriangulatorOptions:
     interface: InterfaceOptions = field(default_factory=InterfaceOptions)
     left_port: InterfaceOptions = field(default_factory=InterfaceOptions)
     right_port: InterfaceOptions = field(default_factory=InterfaceOptions)
-    index: IndexOptions = field(default_factory=IndexOptions)
-    target: DiscOptions = field(default_factory=DiscOptions)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         has_interface = any(self.interfaces())
         if self.method != 'straight' and not has_interface:
             msg = (
@@ -241,23 +288,14 @@ class TriangulatorOptions:
         if self.method != 'refractive' and self.calibration_covariance:
             msg = f'method {self.method!r} cannot carry calibration_covariance: leave it empty'
             raise TriangulationError(msg)
-        if self.method != 'refractive' and self.index.is_estimated:
-            msg = (
-                f'method {self.method!r} cannot follow the index: '
-                "set index.std to 0 and index.prior to 'given'"
-            )
-            raise TriangulationError(msg)
 
-    def estimator(self, covariance: NDArray[np.float64] | None) -> IndexEstimator | None:
-        """The live estimate of the index, or None where the given one is taken for exact.
-
-        `covariance` (K, K) is that of the rig's parameters, in its own order.
-        """
-        shared, left, _ = self.interfaces()
-        nearest = shared or left
-        if nearest is None:
-            return None
-        return self.index.estimator(shared, nearest.target_index, covariance, self.epipolar_gate)
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts that a covariance has beside its noise: 'systematic', 'medium'."""
+        waves = may_wave(self.interfaces()[0]) and self.watches_medium
+        if waves:
+            return 'systematic', 'medium'
+        return ('systematic',) if self.calibration_covariance or self.index.is_estimated else ()
 
     def interfaces(
         self,

@@ -73,7 +73,16 @@ def triangulate(
         raise TriangulationError(msg)
     found = METHODS[method](rig, left, right, *covs)
     if parameter_covariance is not None:
-        _add_parameters(rig, found, covs, np.asarray(parameter_covariance, dtype=float))
+        parameters = np.asarray(parameter_covariance, dtype=float)
+        check_parameters(rig, parameters)
+        good = found.reasons == ''
+        found.covariances[good] += shared_covariances(
+            rig,
+            found.points[good],
+            found.covariances[good],
+            (covs[0][good], covs[1][good]),
+            parameters,
+        )
     if single:
         return Triangulation(
             found.points[0], found.covariances[0], found.residuals[0], found.reasons[0]
@@ -152,16 +161,41 @@ METHODS: dict[str, Method] = {
 }
 
 
-def _add_parameters(
+def shared_covariances(
     rig: StereoRig,
-    found: Triangulation,
+    points: FloatArray,
+    covariances: FloatArray,
     covs: tuple[FloatArray, FloatArray],
     parameters: FloatArray,
-) -> None:
-    """Add what the parameters' uncertainty does to the points: dX/dp C (dX/dp)^T.
+) -> FloatArray:
+    """Return what the rig's uncertain parameters do to points: (N, 3, 3), m^2.
 
-    At the likeliest point X the normal equations hold, so dX/dp = -A^-1 sum J^T W J_p, with A^-1
-    the point's covariance at known parameters.
+    It is the same in every frame, so it does not average out. At the likeliest point X the normal
+    equations hold, so dX/dp = -A^-1 sum J^T W J_p, with A^-1 the point's covariance at known
+    parameters, and the result is dX/dp C (dX/dp)^T.
+
+    Args:
+        rig: cameras and surfaces.
+        points: (N, 3) in the rig frame, m.
+        covariances: (N, 3, 3) of the points by pixel noise alone, m^2.
+        covs: (N, 2, 2) of the left and of the right pixels, px^2.
+        parameters: (K, K) covariance of the parameters, in the order of `rig.parameter_names`.
+    """
+    jacobians = rig.differentiate(points)
+    by_parameters = rig.parameter_jacobian(points)
+    by_point = (jacobians.left_by_point, jacobians.right_by_point)
+    pull = sum(
+        np.swapaxes(j, 1, 2) @ np.linalg.solve(cov, k)
+        for j, k, cov in zip(by_point, by_parameters, covs, strict=True)
+    )
+    return _sandwich(covariances @ pull, parameters)
+
+
+def check_parameters(rig: StereoRig, parameters: FloatArray) -> None:
+    """See whether (K, K) is a covariance of the rig's parameters.
+
+    Raises:
+        TriangulationError: it is not.
     """
     names = rig.parameter_names
     if parameters.shape != (len(names), len(names)):
@@ -178,15 +212,6 @@ def _add_parameters(
     ):
         msg = 'parameter_covariance is no covariance: it must be symmetric and not negative'
         raise TriangulationError(msg)
-    good = found.reasons == ''
-    jacobians = rig.differentiate(found.points[good])
-    by_parameters = rig.parameter_jacobian(found.points[good])
-    by_point = (jacobians.left_by_point, jacobians.right_by_point)
-    pull = sum(
-        np.swapaxes(j, 1, 2) @ np.linalg.solve(cov[good], k)
-        for j, k, cov in zip(by_point, by_parameters, covs, strict=True)
-    )
-    found.covariances[good] += _sandwich(found.covariances[good] @ pull, parameters)
 
 
 def _sandwich(by: FloatArray, covariance: FloatArray) -> FloatArray:
