@@ -41,6 +41,8 @@ _FARTHER = 0.5
 _FIRST_SPEED = 10.0
 #: Of a velocity of which a rung itself says nothing, per frame, in deviations of the measurement.
 _LEAST_FIRST_SPEED = 1.0
+#: From here on the gain of the position is above 0.97: taken for 1, so that nothing lags.
+_FOLLOWS = INDICES >= 100.0
 #: Share of the newest interval in the time between frames, and how far it may differ.
 _NEW_INTERVAL, _LONGEST_RATIO = 0.1, 3.0
 #: No rung is ever ruled out for good.
@@ -199,11 +201,24 @@ def correct(
     weights = np.maximum(chosen + (1.0 - sure) * ladder.weights, _LEAST_WEIGHT)
     # Of each rung the share of it that holds the position for the target's.
     taken = np.minimum(chosen / weights, 1.0)
-    gains = ladder.covariances[..., :2] / expected[..., None]
-    states = ladder.states + gains * (taken * apart)[..., None]
-    shrink = taken * ((1.0 - taken) * squares - 1.0) / expected
-    products = np.stack([a * a, a * b, b * b], axis=-1)
-    covariances = ladder.covariances + products * shrink[..., None]
+    own = variance[..., None]
+    near, turn = np.where(_FOLLOWS, 1.0, a / expected), b / expected
+    gained = taken * apart
+    states = np.empty_like(ladder.states)
+    states[..., 0] = p + near * gained
+    states[..., 1] = ladder.states[..., 1] + turn * gained
+    # Joseph's form, as the gain of those that follow is not the optimal one.
+    apart = apart - gained
+    moved = gained * apart
+    kept = 1.0 - near
+    covariances = np.empty_like(ladder.covariances)
+    covariances[..., 0] = (
+        a + taken * (kept * kept * a + near * near * own - a) + near * near * moved
+    )
+    covariances[..., 1] = (
+        b + taken * (kept * (b - turn * a) + near * turn * own - b) + near * turn * moved
+    )
+    covariances[..., 2] = ladder.covariances[..., 2] + turn * turn * (moved - taken * expected)
     interval = ladder.interval
     ratio = np.clip(ladder.since / interval, 1.0 / _LONGEST_RATIO, _LONGEST_RATIO)
     interval = interval * ratio**_NEW_INTERVAL
