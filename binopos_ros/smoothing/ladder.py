@@ -29,12 +29,15 @@ from binopos_ros.smoothing.motion import Seconds
 
 Array = NDArray[np.float64]
 
-#: Manoeuvring indices of the rungs: at rest or steady, and a decade each.
-INDICES = np.array([0.0, *(10.0**decade for decade in range(-5, 8))])
+#: Manoeuvring indices of the rungs: at rest, steady, and a decade each. A target at rest has no
+#: velocity.
+INDICES = np.array([0.0, 0.0, *(10.0**decade for decade in range(-5, 8))])
 RUNGS = INDICES.size
-#: Frames for which a target stays on a rung in the mean: on the lowest; where the steady-state
-#: gain of the position is below a half; above.
-_DWELLS = np.where(INDICES == 0.0, 200.0, np.where(INDICES < 0.1, 100.0, 20.0))
+REST = 0
+#: Frames for which a target stays on a rung in the mean: longer where it is steady, as the lower
+#: rungs are told from each other the later.
+_DWELLS = np.where(INDICES < 0.1, 100.0, 20.0)
+_DWELLS[REST], _DWELLS[REST + 1] = 40.0, 200.0
 #: A rung further is that much rarer.
 _FARTHER = 0.5
 #: Deviation of the velocity at first on a rung, in those that it gains in a frame.
@@ -45,6 +48,8 @@ _LEAST_FIRST_SPEED = 1.0
 _FOLLOWS = INDICES >= 100.0
 #: Share of the newest interval in the time between frames, and how far it may differ.
 _NEW_INTERVAL, _LONGEST_RATIO = 0.1, 3.0
+#: No camera is quicker, none is slower (s).
+_INTERVALS = (1e-6, 1e3)
 #: No rung is ever ruled out for good.
 _LEAST_WEIGHT = 1e-12
 #: What is near enough to a prediction to be taken without a question, in deviations.
@@ -57,6 +62,7 @@ _LOG_TWO_PI = math.log(2.0 * math.pi)
 # Squares of position and velocity, and their product.
 _LEFT, _RIGHT = np.array([0, 0, 1]), np.array([0, 1, 1])
 _FIRST_SPEEDS = np.maximum((_FIRST_SPEED**2) * INDICES, _LEAST_FIRST_SPEED**2)
+_FIRST_SPEEDS[REST] = 0.0
 
 
 def _generator() -> Array:
@@ -117,7 +123,7 @@ def advance(ladder: Ladder, elapsed: Seconds) -> Ladder:
     new = interval == 0.0
     if np.any(new):
         # Of the velocity is known what two positions can say of it.
-        interval = np.where(new, elapsed, interval)
+        interval = np.where(new, np.clip(elapsed, *_INTERVALS), interval)
         per_frame = (ladder.variance / (interval * interval)[..., None])[..., None]
         speeds = np.where(new[..., None, None], per_frame * _FIRST_SPEEDS, covariances[..., 2])
         covariances = np.concatenate([covariances[..., :2], speeds[..., None]], axis=-1)
@@ -138,6 +144,8 @@ def advance(ladder: Ladder, elapsed: Seconds) -> Ladder:
     mean, moments = mixed[..., :2], mixed[..., 2:]
     moments = moments - mean[..., _LEFT] * mean[..., _RIGHT]
     states = mean + ladder.states[..., :1, :]
+    states[..., REST, 1] = 0.0
+    moments[..., REST, 1:] = 0.0
     time = elapsed[..., None, None]
     moved = np.empty_like(states)
     moved[..., 0] = states[..., 0] + time * states[..., 1]
@@ -221,7 +229,7 @@ def correct(
     covariances[..., 2] = ladder.covariances[..., 2] + turn * turn * (moved - taken * expected)
     interval = ladder.interval
     ratio = np.clip(ladder.since / interval, 1.0 / _LONGEST_RATIO, _LONGEST_RATIO)
-    interval = interval * ratio**_NEW_INTERVAL
+    interval = np.clip(interval * ratio**_NEW_INTERVAL, *_INTERVALS)
     after = Ladder(states, covariances, weights, variance, interval, 0.0 * ladder.since)
     return Reading(after, certainty)
 

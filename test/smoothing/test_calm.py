@@ -37,11 +37,14 @@ def noisy(motion, seed, count=240):
     return truth, truth + random.normal(0.0, deviation, truth.shape), np.diag(deviation**2)
 
 
-def filtered(positions, covariance):
+def filtered(positions, covariance, medium=None):
+    """Return the states; `medium` (n, 3, 3) is what the rays' miss says of the waves, m^2."""
     smoother = make_filter('cloud-kalman')
+    if medium is None:
+        medium = np.zeros((len(positions), 3, 3))
     return [
-        smoother.step(number / RATE, position, covariance)
-        for number, position in enumerate(positions)
+        smoother.step(number / RATE, position, covariance + part, part)
+        for number, (position, part) in enumerate(zip(positions, medium, strict=True))
     ]
 
 
@@ -57,34 +60,41 @@ def normalised(states, truth):
 
 
 @pytest.mark.parametrize('motion', MOTIONS)
-@pytest.mark.parametrize('seed', range(8))
-def test_calm_water_is_filtered_to_no_worse_than_it_came_in_from_the_first(motion, seed):
-    truth, positions, covariance = noisy(motion, seed)
-    states = filtered(positions, covariance)
-    error = np.array([state.position for state in states]) - truth
-    share = {'still': 0.3, 'steady': 0.6, 'turning': 0.9}[motion]
-    assert rms(error) < share * rms(positions - truth)
-    assert rms(error[:FIRST_SECOND]) < rms((positions - truth)[:FIRST_SECOND])
+def test_calm_water_is_filtered_to_much_less_than_it_came_in(motion):
+    most = {'still': 0.3, 'steady': 0.6, 'turning': 0.9}[motion]
+    shares, first = [], []
+    for seed in range(8):
+        truth, positions, covariance = noisy(motion, seed)
+        states = filtered(positions, covariance)
+        error, raw = np.array([state.position for state in states]) - truth, positions - truth
+        shares.append(rms(error[FIRST_SECOND:]) / rms(raw[FIRST_SECOND:]))
+        first.append(rms(error[:FIRST_SECOND]) / rms(raw[:FIRST_SECOND]))
+    assert np.mean(shares) < most
+    assert max(shares) < 1.0
+    assert np.mean(first) < 1.0
 
 
 @pytest.mark.parametrize('motion', MOTIONS)
-def test_covariance_in_calm_water_is_on_the_safe_side_by_the_stated_factor(motion):
-    # The measurement's variance counts threefold, so honest ones give about a third.
+def test_covariance_in_calm_water_is_honest(motion):
     means = [
         normalised(filtered(positions, covariance), truth).mean()
         for truth, positions, covariance in (noisy(motion, seed) for seed in range(100, 108))
     ]
-    assert 0.15 < np.mean(means) < 1.0
+    assert 0.5 < np.mean(means) < 1.5
 
 
 def waves_for_ten_seconds(seed):
-    """Return what waves shift positions by (900, 3), m: calm, rough from 10 to 20 s, calm."""
+    """Return what waves shift positions by (900, 3), m, and its covariances (900, 3, 3), m^2.
+
+    Calm, rough from 10 to 20 s, calm.
+    """
     random = np.random.default_rng(seed)
     stamps = np.arange(900) / RATE
     frequencies, phases = random.uniform(1.8, 4.0, 5), random.uniform(0.0, 6.0, (3, 5))
     swing = np.sin(2 * np.pi * stamps[:, None, None] * frequencies + phases).sum(axis=2)
     rough = np.clip(2.0 * (stamps - 10.0), 0, 1) * np.clip(2.0 * (20.0 - stamps), 0, 1)
-    return rough[:, None] * swing * [6e-4, 6e-4, 4e-3]
+    size = np.array([6e-4, 6e-4, 4e-3])
+    return rough[:, None] * swing * size, (rough**2)[:, None, None] * np.diag(5 / 2 * size**2)
 
 
 @pytest.mark.parametrize(('motion', 'most'), [('still', 0.4), ('steady', 0.5), ('turning', 0.7)])
@@ -92,8 +102,10 @@ def test_waves_that_come_and_go_are_filtered_without_a_change_of_parameters(moti
     truth, positions, covariance = noisy(motion, 21, 900)
     shares = []
     for seed in range(11, 15):
-        measured = positions + waves_for_ten_seconds(seed)
-        error = np.array([state.position for state in filtered(measured, covariance)]) - truth
+        swing, medium = waves_for_ten_seconds(seed)
+        measured = positions + swing
+        states = filtered(measured, covariance, medium)
+        error = np.array([state.position for state in states]) - truth
         parts = (slice(0, 300), slice(345, 600), slice(660, 900))
         shares.append([rms(error[part]) / rms((measured - truth)[part]) for part in parts])
     calm, rough, calm_again = np.transpose(shares)

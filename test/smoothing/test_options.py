@@ -31,7 +31,7 @@ def test_paper_variant_has_a_name_of_its_own_too():
         ('kalman', {'measurement_std': '1'}, 'finite'),
         ('kalman', {'max_gap': True}, 'finite'),
         ('median', {'window': 3.5}, 'whole number'),
-        ('cloud-kalman', {'wave_damping': 1.0}, 'must be from'),
+        ('cloud-kalman', {'wrong_share': 1.0}, 'must be from'),
     ],
 )
 def test_wrong_name_or_option_is_named_in_one_line(name, options, message):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from binopos_ros.smoothing.bank import Bank, Hypotheses, innovations, moments, update
-from binopos_ros.smoothing.bases import (
-    CALM,
+from binopos_ros.smoothing.wave import oscillator
+from binopos_ros.smoothing.wave_bank import Bank, Hypotheses, innovations, moments, update
+from binopos_ros.smoothing.wave_bases import (
     MODELS,
     MOTION,
     MOVING,
@@ -22,7 +22,6 @@ from binopos_ros.smoothing.bases import (
     WAVE_SHARES,
     Motion,
 )
-from binopos_ros.smoothing.wave import oscillator
 
 ASSUMED = Motion(
     still_density=1e-9,
@@ -37,13 +36,12 @@ ASSUMED = Motion(
     turn_dwell=1e12,
     wave_frequencies=(2.0, 3.0, 1.2),
     wave_dwell=1e12,
-    calm_dwell=1e12,
     wave_dampings=(0.25, 0.25, 0.1),
 )
-WEIGHTS = np.array([0.05, 0.1, 0.05, 0.05, 0.1, 0.2, 0.1, 0.1, 0.05, 0.2])
+WEIGHTS = np.array([0.15, 0.05, 0.1, 0.25, 0.1, 0.15, 0.2])
 WAVE = np.array([1e-6, 2e-6, 4e-5])
 OMEGAS = 2.0 * np.pi * np.array(ASSUMED.wave_frequencies)
-STEADY_QUICK, TURNING_SLOW, STILL_SWELL = STEADY.start + 2, TURNING.start + 1, STILL.start + 3
+STEADY_QUICK, TURNING_SLOW, STILL_SWELL = STEADY.start + 1, TURNING.start, STILL.start + 2
 
 
 def bank_of(states, covariances, weights, resting=0.5):
@@ -77,7 +75,7 @@ def continuous(model):
         drift[1, 2] = 1.0
         drift[2, 2] = -1.0 / ASSUMED.turn_time
         density[2, 2] = 2.0 * ASSUMED.turn_acceleration**2 / ASSUMED.turn_time
-    omega, damping = OMEGAS[WATER[model] - 1], ASSUMED.wave_dampings[WATER[model] - 1]
+    omega, damping = OMEGAS[WATER[model]], ASSUMED.wave_dampings[WATER[model]]
     drift[3, 4] = omega
     drift[4, 3] = -omega
     drift[4, 4] = -2.0 * damping * omega
@@ -139,7 +137,7 @@ def test_prediction_of_a_hypothesis_is_the_exact_discretisation(model, time):
 def test_still_target_forgets_velocity_and_acceleration():
     states = np.ones((MODELS, 3, SIZE))
     covariances = np.tile(np.eye(SIZE), (MODELS, 3, 1, 1))
-    start = bank_of(states, covariances, (MOTION == 0) / 4.0)
+    start = bank_of(states, covariances, (MOTION == 0) / 3.0)
     ahead = states_of(Bank(ASSUMED).advance(start, WAVE, 0.1))
     assert np.all(ahead[STILL, :, 1:3] == 0.0)
     np.testing.assert_allclose(ahead[STILL, :, 0], 1.0, rtol=1e-12)
@@ -152,7 +150,6 @@ LIVELY = dataclasses.replace(
     steady_dwell=2.0,
     turn_dwell=0.5,
     wave_dwell=3.0,
-    calm_dwell=5.0,
 )
 
 
@@ -161,23 +158,22 @@ def test_switching_is_a_markov_chain_in_continuous_time():
     covariances = np.tile(1e-12 * np.eye(SIZE), (MODELS, 3, 1, 1))
     start, bank = bank_of(states, covariances, WEIGHTS), Bank(LIVELY)
     slow, quick, swell = WAVE_SHARES
-    # From calm, slow, quick, swell to calm, slow, quick, swell.
+    # From slow, quick, swell to slow, quick, swell.
     water = np.array(
         [
-            [0.0, slow / 5.0, quick / 5.0, swell / 5.0],
-            [0.2, 0.0, 2.0 * quick / 3.0, 2.0 * swell / 3.0],
-            [0.2, 2.0 * slow / 3.0, 0.0, 2.0 * swell / 3.0],
-            [0.2, 2.0 * slow / 3.0, 2.0 * quick / 3.0, 0.0],
+            [0.0, 2.0 * quick / 3.0, 2.0 * swell / 3.0],
+            [2.0 * slow / 3.0, 0.0, 2.0 * swell / 3.0],
+            [2.0 * slow / 3.0, 2.0 * quick / 3.0, 0.0],
         ]
     )
     motion = np.array([[0.0, 0.5, 0.5], [0.25, 0.0, 0.25], [1.0, 1.0, 0.0]])
-    generator = np.kron(motion, np.eye(4)) + np.kron(np.eye(3), water)
+    generator = np.kron(motion, np.eye(3)) + np.kron(np.eye(3), water)
     generator -= np.diag(generator.sum(axis=1))
     # All pairs of motion and water, then those of moving targets in swell counted to slow waves.
-    pairs = np.zeros(12)
-    pairs[4 * MOTION + WATER] = WEIGHTS
-    pairs = (pairs @ expm(0.7 * generator)).reshape(3, 4)
-    pairs[1:, 1] += pairs[1:, 3]
+    pairs = np.zeros(9)
+    pairs[3 * MOTION + WATER] = WEIGHTS
+    pairs = (pairs @ expm(0.7 * generator)).reshape(3, 3)
+    pairs[1:, 0] += pairs[1:, 2]
     ahead = bank.advance(start, WAVE, 0.7)
     np.testing.assert_allclose(ahead.weights, pairs[MOTION, WATER], atol=1e-12)
     twice = bank.advance(bank.advance(start, WAVE, 0.3), WAVE, 0.4)
@@ -189,7 +185,7 @@ def test_still_target_that_pauses_or_rests_is_a_chain_with_both():
     bank = Bank(uneven)
     states = np.zeros((MODELS, 3, SIZE))
     covariances = np.tile(1e-12 * np.eye(SIZE), (MODELS, 3, 1, 1))
-    now = bank_of(states, covariances, (MOTION == 0) / 4.0)
+    now = bank_of(states, covariances, (MOTION == 0) / 3.0)
     # Paused, resting, steady, turning; three of ten that stop come to rest.
     after = np.array([0.7, 0.3])
     generator = np.zeros((4, 4))
@@ -203,24 +199,6 @@ def test_still_target_that_pauses_or_rests_is_a_chain_with_both():
         still = expected[:2].sum()
         assert now.weights[STILL].sum() == pytest.approx(still, abs=0.01)
         assert now.resting == pytest.approx(expected[1] / still, abs=0.01)
-
-
-def test_waves_that_set_in_may_be_anywhere_in_their_swing():
-    random = np.random.default_rng(4)
-    roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
-    covariances = roots @ roots.swapaxes(-1, -2)
-    states = random.normal(size=(MODELS, 3, SIZE))
-    states[CALM, :, 3:] = covariances[CALM, :, 3:] = covariances[CALM, ..., 3:] = 0.0
-    start = bank_of(states, covariances, (WATER == 0) / 3.0)
-    ahead = Bank(LIVELY).advance(start, WAVE, 1.0 / 30.0)
-    np.testing.assert_array_equal(states_of(ahead)[CALM, :, 3:], 0.0)
-    np.testing.assert_array_equal(covariances_of(ahead)[CALM, :, 3:], 0.0)
-    rough = WATER > 0
-    np.testing.assert_allclose(states_of(ahead)[rough, :, 3:], 0.0, atol=1e-12)
-    spread = WAVE[:, None, None] * np.eye(2)
-    expected = np.broadcast_to(spread, (rough.sum(), 3, 2, 2))
-    found = covariances_of(ahead)[rough][..., 3:, 3:]
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
 
 
 def test_target_that_starts_may_have_any_usual_velocity():
@@ -240,8 +218,6 @@ def test_update_of_full_certainty_is_the_kalman_filters():
     states = random.normal(size=(MODELS, 3, SIZE))
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
-    # In calm water there is no oscillator.
-    states[CALM, :, 3:] = covariances[CALM, :, 3:, :] = covariances[CALM, :, :, 3:] = 0.0
     bank = bank_of(states, covariances, WEIGHTS)
     position, variance = random.normal(size=3), np.array([0.1, 0.2, 0.3])
     after = update(bank, innovations(bank, position, variance), 1.0)
@@ -250,8 +226,7 @@ def test_update_of_full_certainty_is_the_kalman_filters():
     for model in range(MODELS):
         for axis in range(3):
             before = covariances[model, axis]
-            own = variance[axis] * (3.0 if WATER[model] == 0 else 1.0)
-            spread = row @ before @ row.T + own
+            spread = row @ before @ row.T + variance[axis]
             gain = before @ row.T / spread
             miss = position[axis] - row @ states[model, axis]
             np.testing.assert_allclose(
@@ -274,7 +249,7 @@ def test_moments_are_those_of_the_mixture():
     states = random.normal(size=(MODELS, 3, SIZE))
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
-    mean, spread = moments(bank_of(states, covariances, WEIGHTS), np.ones(MODELS), 1.0)
+    mean, spread = moments(bank_of(states, covariances, WEIGHTS))
     model = random.choice(MODELS, 200_000, p=WEIGHTS)
     root = np.linalg.cholesky(covariances)
     drawn = states[model] + np.einsum(
