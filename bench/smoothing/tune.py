@@ -1,8 +1,8 @@
 """Tune the filters and write the values into binopos_ros/smoothing/tuned.py.
 
 python bench/smoothing/tune.py [FILTER ...] tunes these (default: all), each with the same
-optimiser, budget and training sequences; test sequences are never looked at. After the default
-filter its covariance is calibrated; --calibrate does that alone.
+optimiser, budget and training sequences; test sequences are never looked at. The default
+filter has nothing that is tuned but the constants of `wave_bases.Motion`, found the same way.
 """
 
 from __future__ import annotations
@@ -17,14 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from binopos_ros.evaluation.trials.calibration import SCALES, Calibration
 from binopos_ros.evaluation.trials.sequences import Sequence, training_set
 from binopos_ros.evaluation.trials.training import examples, train
 from binopos_ros.evaluation.trials.tuning import SEARCHED, minimise, objective, options_at
 from binopos_ros.smoothing import tuned
 from binopos_ros.smoothing.opponents import bp_weights
 
-OURS = 'cloud-kalman'
 WEIGHTS_HEADER = '''"""The BP-Kalman filter's network, from ``python bench/smoothing/tune.py``."""
 '''
 HEADER = '''"""Tuned defaults of every filter, found by ``python bench/smoothing/tune.py``."""
@@ -42,11 +40,7 @@ def main() -> None:
     )
     parser.add_argument('--budget', type=int, default=201, help='evaluations per filter')
     parser.add_argument('--sequences', type=int, default=40, help='training sequences')
-    parser.add_argument('--calibrate', action='store_true', help='only calibrate the covariance')
     arguments = parser.parse_args()
-    if arguments.calibrate:
-        calibrate()
-        return
     trials = training_set(arguments.sequences)
     for name in arguments.filters:
         if name == 'bp-kalman':
@@ -62,18 +56,6 @@ def main() -> None:
         save(name, {**tuned.TUNED[name], **options})
         seconds = time.perf_counter() - began
         print(f'{name}: {value:.4f} in {seconds:.0f} s: {options}', flush=True)
-        if name == OURS:
-            calibrate()
-
-
-def calibrate() -> None:
-    """Set the factors on the default filter's covariance, by 300 training sequences."""
-    options = {name: value for name, value in tuned.TUNED[OURS].items() if name not in SCALES}
-    calibration = Calibration(training_set(300), **options)
-    scales = calibration.best()
-    save(OURS, {**options, **scales})
-    errors = calibration.normalised(np.array([scales[name] for name in SCALES]))
-    print(f'{OURS}: mean normalised squared error {errors.mean():.3f} with {scales}')
 
 
 def train_network(trials: Series[Sequence]) -> None:

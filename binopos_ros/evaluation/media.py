@@ -147,6 +147,7 @@ def wavy(settings: Settings, number: int) -> Sequence:
         path=Path(np.tile(target, (frames, 1)), still, still),
         positions=found.points,
         covariances=found.covariances,
+        media=np.zeros((frames, 3, 3)),
         wrong=np.zeros(frames, bool),
         basin=Basin(surface=0.8, baseline=0.23, focal_length=900.0, index=FRESH_WATER),
         spectrum=spectrum,

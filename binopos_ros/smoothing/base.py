@@ -155,8 +155,11 @@ class Filter(ABC, Generic[MemoryT]):
         return self._say(stamp, '')
 
     def spread(self, covariance: Array, medium: Array | None = None) -> Array:
-        """Return what the filter makes of a covariance (..., 3, 3) and the medium's part of it."""
-        return covariance
+        """Return what the filter makes of a covariance (..., 3, 3) and the medium's part of it.
+
+        One that knows nothing of waves takes what is left without them, as it was tuned.
+        """
+        return covariance if medium is None else covariance - medium
 
     @abstractmethod
     def _start(self, position: Array, covariance: Array) -> MemoryT:

@@ -71,17 +71,17 @@ class CloudKalmanFilter(Filter[_Memory]):
     options: CloudKalmanOptions
 
     def spread(self, covariance: Array, medium: Array | None = None) -> Array:
-        """Return both parts (..., 2, 3, 3): the noise's and the medium's."""
+        """Return the noise's part (..., 1, 3, 3), or that and the medium's (..., 2, 3, 3)."""
         if medium is None:
-            medium = np.zeros_like(covariance)
+            return covariance[..., None, :, :]
         return np.stack([covariance - medium, medium], axis=-3)
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
         axes = first_axes(covariance[..., 0, :, :])
         measured = (axes @ position[..., None])[..., 0]
         noise, medium = _variances(axes, covariance)
-        wavy = waves.start(measured, noise, medium) if np.any(medium) else None
-        free = ladder.start(measured, noise + medium)
+        wavy = None if medium is None else waves.start(measured, noise, medium)
+        free = ladder.start(measured, _sum(noise, medium))
         return _Memory(axes, free, wavy, _roughness(noise, medium), np.ones(position.shape[:-1]))
 
     def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
@@ -96,10 +96,17 @@ class CloudKalmanFilter(Filter[_Memory]):
         noise, medium = _variances(memory.axes, covariance)
         options = self.options
         free = ladder.correct(
-            memory.free, measured, noise + medium, options.wrong_share, options.max_acceleration
+            memory.free,
+            measured,
+            _sum(noise, medium),
+            options.wrong_share,
+            options.max_acceleration,
         )
+        if medium is None:
+            calm = np.zeros_like(free.certainty)
+            return memory._replace(free=free.ladder, rough=calm, certainty=free.certainty)
         if memory.waves is None:
-            begun = waves.start(measured, noise, medium) if np.any(medium) else None
+            begun = waves.start(measured, noise, medium)
             return memory._replace(free=free.ladder, waves=begun, certainty=free.certainty)
         wavy = waves.correct(memory.waves, measured, noise, medium)
         rough = _roughness(noise, medium)
@@ -138,15 +145,21 @@ _BLOCKS = np.arange(3) * 7 + np.array([[0], [3], [18], [21]])
 _PARTS = np.array([0, 1, 1, 2])
 
 
-def _variances(axes: Array, covariance: Array) -> tuple[Array, Array]:
-    """Return the noise's and the medium's variances (..., 3) along the axes."""
+def _sum(noise: Array, medium: Array | None) -> Array:
+    return noise if medium is None else noise + medium
+
+
+def _variances(axes: Array, covariance: Array) -> tuple[Array, Array | None]:
+    """Return the noise's and, where it is told, the medium's variances (..., 3) along the axes."""
     inside = along(axes[..., None, :, :], covariance)
     both = np.diagonal(inside, axis1=-2, axis2=-1)
-    return both[..., 0, :], both[..., 1, :]
+    return both[..., 0, :], both[..., 1, :] if both.shape[-2] == 2 else None
 
 
-def _roughness(noise: Array, medium: Array) -> Array:
+def _roughness(noise: Array, medium: Array | None) -> Array:
     """Return from 0 to 1 how far the medium outweighs the noise."""
+    if medium is None:
+        return np.zeros(noise.shape[:-1])
     ratio = (medium / noise).mean(axis=-1)
     return np.clip((ratio - _CALM) / (_ROUGH - _CALM), 0.0, 1.0)
 

@@ -33,11 +33,9 @@ from binopos_ros.evaluation.trials.sequences import (
 )
 from binopos_ros.evaluation.trials.tuning import SEARCHED, minimise, objective, options_at
 from binopos_ros.smoothing import FILTERS, Filter, make_filter
-from binopos_ros.smoothing.tuned import TUNED
 
 OURS = 'cloud-kalman'
 MM = 1e3
-SLOW, QUICK = (TUNED[OURS][name] for name in ('slow_waves', 'quick_waves'))
 
 
 def main() -> None:
@@ -48,7 +46,6 @@ def main() -> None:
     arguments = parser.parse_args()
     paper_table()
     control_table()
-    swell_table()
     trials = unseen_set(arguments.sequences)
     tracks = mixed_protocol(FILTERS, trials, with_shell)
     mixed_table(tracks, trials)
@@ -111,33 +108,6 @@ def control_table() -> None:
         counts = ' | '.join(str(value) for value in (smallest == number).sum(axis=0))
         means = ', '.join(f'{value:.3g}' for value in MM * error.mean(axis=0))
         print(f'| {control:g} | {counts} | {means} |')
-
-
-def swell_table() -> None:
-    """What the two wave frequencies are for: a pure swell over a still target."""
-    middle = float(np.sqrt(SLOW * QUICK))
-    print('\n### A single wave over a still target: error as a share of the swell\n')
-    print('| wave (Hz) | two wave frequencies | one in their place |')
-    print('|---|---|---|')
-    for frequency in (0.8, 1.0, 1.2, 1.6, 2.5, 4.0, 6.0):
-        shares = [
-            swell_share(make_filter(OURS, **options), frequency)
-            for options in ({}, {'slow_waves': middle, 'quick_waves': middle})
-        ]
-        print(f'| {frequency:g} | {shares[0]:.3f} | {shares[1]:.3f} |')
-
-
-def swell_share(smoother: Filter[Any], frequency: float) -> float:
-    """Return RMS error over RMS swell, of 10 s after the first 2 s."""
-    place, covariance = np.array([0.1, -0.05, 1.2]), np.diag([1e-8, 1e-8, 1e-6])
-    stamps = np.arange(300) / 30.0
-    phases = 2.0 * np.pi * frequency * stamps[:, None] + [0.0, 1.0, 2.0]
-    swell = np.array([0.002, 0.002, 0.015]) * np.sin(phases)
-    track = [
-        smoother.step(stamp, place + shift, covariance).position
-        for stamp, shift in zip(stamps, swell, strict=True)
-    ]
-    return float(np.sqrt(np.mean((track[60:] - place) ** 2) / np.mean(swell**2)))
 
 
 def mixed_table(tracks: dict[str, list[Track]], trials: Series[Sequence]) -> None:

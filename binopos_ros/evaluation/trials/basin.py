@@ -14,10 +14,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.simulation.waves import WaveField
+from binopos_ros.triangulation import triangulate
+from binopos_ros.triangulation.medium import MediumMeter
 
 Array = NDArray[np.float64]
 
+#: Pairs that leave more are no pairs (px): the triangulator's own default.
+LARGEST_MISS = 10.0
 _TOLERANCE = 1e-10
 _ITERATIONS = 12
 _LONGEST_STEP = 0.02
@@ -81,6 +86,37 @@ class Basin:
             columns.append((ahead - behind) / (2.0 * step))
         jacobian = pixel_std * np.stack(columns, axis=2)
         return np.einsum('nij,nkj->nik', jacobian, jacobian)
+
+    def media(
+        self,
+        stamps: Array,
+        left: Array,
+        right: Array,
+        positions: Array,
+        covariances: Array,
+        pixel_std: float,
+    ) -> Array:
+        """Return the covariances (n, 3, 3) by waves, as the triangulator follows them, m^2."""
+        size = (4096, 4096)
+        matrix = np.diag([self.focal_length, self.focal_length, 1.0])
+        camera = PinholeCamera(matrix, np.zeros(4), size)
+        water = FlatInterface([0.0, 0.0, 1.0], self.surface, [1.0, self.index])
+        rig = StereoRig(camera, camera, np.eye(3), [-self.baseline, 0.0, 0.0], water)
+        noise = pixel_std**2 * np.eye(2)
+        found = triangulate(rig, left, right, noise, noise)
+        meter, media, newest = MediumMeter(rig), np.empty((len(stamps), 3, 3)), np.zeros((3, 3))
+        for number, residuals in enumerate(found.residuals):
+            seen = np.isfinite(residuals).all() and np.abs(residuals).max() < LARGEST_MISS
+            if seen:
+                newest = meter.add(
+                    float(stamps[number]),
+                    residuals,
+                    (noise, noise),
+                    positions[number],
+                    covariances[number],
+                ).short
+            media[number] = newest
+        return media
 
     def _into_flat_water(self, pixels: Array, camera_x: float) -> tuple[Array, Array]:
         """Return entry points and unit rays in the water (n, 3), by Snell's law."""

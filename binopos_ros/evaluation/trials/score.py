@@ -59,10 +59,11 @@ def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]
     """
     stamps = np.stack([trial.stamps for trial in trials])
     positions = np.stack([trial.positions for trial in trials])
-    covariances = np.stack([trial.covariances for trial in trials])
+    media = np.stack([trial.media for trial in trials])
+    covariances = np.stack([trial.covariances for trial in trials]) + media
     truth = np.stack([trial.truth for trial in trials])
     options = smoother.options
-    memory = smoother._start(positions[:, 0], smoother.spread(covariances[:, 0]))
+    memory = smoother._start(positions[:, 0], smoother.spread(covariances[:, 0], media[:, 0]))
     estimates, spreads = np.empty_like(positions), np.empty_like(covariances)
     at = stamps[:, 0]
     began = time.perf_counter()
@@ -72,7 +73,7 @@ def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]
             measured = np.isfinite(positions[:, number, 0])
             position = np.where(measured[:, None], positions[:, number], 0.0)
             covariance = np.where(measured[:, None, None], covariances[:, number], np.eye(3))
-            covariance = smoother.spread(covariance)
+            covariance = smoother.spread(covariance, media[:, number])
             ahead = smoother._advance(memory, elapsed)
             foretold = smoother._estimate(ahead)
             distance = np.linalg.norm(position - foretold.position, axis=1)
@@ -115,8 +116,12 @@ def run(smoother: Filter[Any], sequence: Sequence) -> Track:
     began = time.perf_counter()
     for number in range(count):
         if measured[number]:
+            medium = sequence.media[number]
             state = smoother.step(
-                stamps[number], sequence.positions[number], sequence.covariances[number]
+                stamps[number],
+                sequence.positions[number],
+                sequence.covariances[number] + medium,
+                medium,
             )
         else:
             state = smoother.predict(stamps[number])

@@ -36,6 +36,8 @@ class Sequence:
         Measured (m); nan where the frame gave none.
     covariances : (n, 3, 3) array
         What the triangulator says of them (m^2): pixel noise, no waves.
+    media : (n, 3, 3) array
+        What the miss of the two rays says of the waves (m^2), of those that swing to and fro.
     wrong : (n,) array of bool
         Where the detector took another thing for the target.
     basin : Basin
@@ -54,6 +56,7 @@ class Sequence:
     path: Path
     positions: Array
     covariances: Array
+    media: Array
     wrong: NDArray[np.bool_]
     basin: Basin
     spectrum: WaveSpectrum
@@ -178,12 +181,15 @@ def _measure(
     right = right + np.where((wrong & ~both)[:, None], one_sided, 0.0)
     left = left + random.normal(0.0, pixel_std, (count, 2))
     right = right + random.normal(0.0, pixel_std, (count, 2))
+    positions = basin.triangulate(left, right)
+    covariances = basin.covariance(left, right, pixel_std)
     return Sequence(
         kind,
         stamps,
         path,
-        basin.triangulate(left, right),
-        basin.covariance(left, right, pixel_std),
+        positions,
+        covariances,
+        basin.media(stamps, left, right, positions, covariances, pixel_std),
         wrong,
         basin,
         spectrum,

@@ -39,23 +39,6 @@ SEARCHED: dict[str, dict[str, tuple[float, float]]] = {
     },
     'coloured-noise': {**_KALMAN, 'frequency': (1.0, 6.0), 'damping': (0.05, 0.9)},
     'median': {'window': (3, 60)},
-    'cloud-kalman': {
-        'window': (15.0, 150.0),
-        'still_density': (1e-12, 1e-7),
-        'steady_density': (1e-8, 1e-4),
-        'turn_acceleration': (0.05, 1.0),
-        'turn_time': (0.1, 3.0),
-        'first_speed': (0.02, 0.5),
-        'start_speed': (0.003, 0.1),
-        'steady_dwell': (1.0, 20.0),
-        'turn_dwell': (0.2, 5.0),
-        'wave_std': (5e-4, 8e-3),
-        'slow_waves': (1.5, 2.2),
-        'quick_waves': (2.6, 5.0),
-        'wave_dwell': (1.0, 100.0),
-        'wave_damping': (0.08, 0.7),
-        'certainty_width': (1.2, 6.0),
-    },
     'cloud-kalman-paper': {**_KALMAN, 'window': (5, 300)},
 }
 
