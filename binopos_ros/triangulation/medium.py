@@ -34,6 +34,9 @@ GRAVITY = 9.80665
 #: Memory of the waves' level (s): a few periods of basins' waves. Of their frequency (s): a few
 #: of the longest that show.
 _LEVEL_MEMORY, _COLOUR_MEMORY = 1.0, 5.0
+#: What a first miss may be, in deviations of pixel noise, and counts for one pair: of a surface
+#: that is seen for the first time nothing is known.
+_FIRST_LEVEL = 20.0
 #: Misses further out than this, in their usual deviations, are shortened: one wrong pair is no
 #: wave.
 _FARTHEST = 4.0
@@ -103,10 +106,11 @@ class MediumMeter:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all pairs: the water is taken for calm."""
+        """Forget all pairs: nothing is known of the water."""
         self._stamp: float | None = None
         self._miss = 0.0
-        self._total = self._mean = self._absolute = 0.0
+        self._total, self._mean = 1.0, 0.0
+        self._absolute = _FIRST_LEVEL / _MEAN_ABSOLUTE_TO_DEVIATION
         self._count = self._square = self._product = 0.0
         self._interval = 0.0
 
