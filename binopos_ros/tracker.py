@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.optics import StereoRig
-from binopos_ros.parameters import build, specs_of
-from binopos_ros.smoothing.stage import make_smoother
+from binopos_ros.parameters import build, refuse_unknown, specs_of
+from binopos_ros.smoothing.errors import SmoothingError
+from binopos_ros.smoothing.factory import FILTERS
+from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type, make_smoother
 from binopos_ros.smoothing.state import FilterState
 from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.locate import Index, Locator
@@ -69,6 +72,8 @@ class Tracker:
         self, rig: StereoRig, parameter_covariance: ArrayLike | None = None, **options: Any
     ) -> None:
         names = {name.replace('.', '_'): name for name in specs_of(LocatorOptions)}
+        smoothing = {*specs_of(SmootherOptions), *specs_of(filter_options_type(_filter(options)))}
+        refuse_unknown(options, {*names, *smoothing, 'filter'})
         own = {names[key]: value for key, value in options.items() if key in names}
         rest = {key: value for key, value in options.items() if key not in names}
         if 'filter' in rest:
@@ -128,6 +133,14 @@ class Tracker:
     def reset(self) -> None:
         """Forget the target; what is known of the index and the medium stays."""
         self._smoother.reset()
+
+
+def _filter(options: Mapping[str, Any]) -> str:
+    name = options.get('filter', SmootherOptions().method)
+    if name not in FILTERS:
+        msg = f'no filter is named {name!r}; known are {", ".join(FILTERS)}'
+        raise SmoothingError(msg)
+    return str(name)
 
 
 def _shaped(values: ArrayLike, shape: tuple[int, ...], name: str) -> Array:

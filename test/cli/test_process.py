@@ -146,7 +146,7 @@ def test_the_output_bag_holds_the_topics_of_the_live_nodes(table):
     with BagReader(table.with_name('out.mcap')) as reader:
         counts = {topic: info.count for topic, info in reader.topics.items()}
         stamps = [stamp_of(reader.decode(r)) for r in reader.messages(['/stereo/target/pose'])]
-    names = ('position', 'refractive_index', 'pose', 'odometry')
+    names = ('position', 'systematic', 'medium', 'refractive_index', 'pose', 'odometry')
     expected = {f'/stereo/target/{name}': PAIRS for name in names}
     expected |= {f'/stereo/{side}/centroid': PAIRS for side in ('left', 'right')}
     assert counts == expected
