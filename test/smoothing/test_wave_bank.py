@@ -250,6 +250,8 @@ def test_moments_are_those_of_the_mixture():
     roots = random.normal(size=(MODELS, 3, SIZE, SIZE))
     covariances = roots @ roots.swapaxes(-1, -2)
     mean, spread = moments(bank_of(states, covariances, WEIGHTS))
+    # Still targets settle quicker than their hypotheses say.
+    covariances[STILL] *= 0.3
     model = random.choice(MODELS, 200_000, p=WEIGHTS)
     root = np.linalg.cholesky(covariances)
     drawn = states[model] + np.einsum(
