@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from .errors import DetectionError
 from .images import Frame
+from .profiles import DEPTHS, PROFILE_REACH, PROFILE_STEPS, PROFILES
 from .target import Array, Ellipse
 from .window import Grid, Window
 
@@ -115,33 +116,6 @@ _LIKELY[PROFILE] = LIKELY_PROFILE**-2
 _LIKELY[DEPTH] = _LIKELY[TURNS] = _LIKELY[BENDS] = LIKELY_SHADE**-2
 _LIKELY_SLOPES[SLOPES] = LIKELY_SLOPE**-2
 
-PROFILE_REACH, PROFILE_STEPS = 6, 170
-"""How far the table of the edge's profile goes, in blurs, and its steps per blur: so fine that
-what it rounds off is less than a camera does."""
-
-
-def _profiles() -> tuple[Grid, Grid]:
-    """By distance in blurs: the slope, what blur and profile change, the shares; and depth."""
-    reach = PROFILE_REACH * PROFILE_STEPS
-    z = np.arange(-reach, reach + 1) / PROFILE_STEPS
-    slope = np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
-    share = np.array([math.erfc(each / math.sqrt(2)) / 2 for each in z])
-    rows = [slope, z * slope, (z * z - 1) * slope, (z * z - 3) * z * slope, share, 1 - share]
-    return np.array(rows, np.float32), _blurred_roots(-z).astype(np.float32)
-
-
-def _blurred_roots(depth: Array) -> Array:
-    """The square root of what is above 0, blurred by 1: how a ball's surface turns away."""
-    step = 0.01
-    # Of u = s^2 the root is s, so nothing is steep where the surface begins.
-    s = np.arange(step / 2, math.sqrt(PROFILE_REACH * 2.5), step)
-    kernel = np.exp(-0.5 * (depth[:, None] - s * s) ** 2) / math.sqrt(2 * math.pi)
-    roots: Array = (kernel * (2 * s * s * step)).sum(1)
-    return roots
-
-
-_PROFILES, _DEPTHS = _profiles()
-
 
 @dataclass(frozen=True)
 class Measured:
@@ -165,16 +139,12 @@ class EdgeFit:
         window = Window(frame, start, BAND)
         band = window.within(BAND) - window.within(-BAND)
         places = np.flatnonzero(band.view(np.bool_))
+        if sectors is not None:
+            places = places[window.lie_in(places, start.centre, sectors)]
         count = places.size
         if count < LEAST_PIXELS:
-            msg = 'too few pixels along the outline'
+            msg = 'too few pixels along what is seen of the outline'
             raise DetectionError(msg)
-        if sectors is not None:
-            places = places[_lie_in(places, band.shape[1], window, start, sectors)]
-            count = places.size
-            if count < LEAST_PIXELS:
-                msg = 'too few pixels along what is seen of the outline'
-                raise DetectionError(msg)
         self._width = band.shape[1]
         self._rows = places // self._width
         self._columns = places - self._rows * self._width
@@ -260,7 +230,7 @@ class EdgeFit:
         # By a table: a third of the time of exponentials.
         places = z.astype(np.intp)
         by_distance = self._rows_of_all[: 2 + OUTSIDE]
-        _PROFILES.take(places, 1, by_distance, 'clip')
+        PROFILES.take(places, 1, by_distance, 'clip')
         scale: Grid | np.float32 = np.float32(1 / self._blur)
         by_distance[:4] *= scale if self._contrast is None else scale * self._contrast
         gradient /= steep
@@ -277,7 +247,7 @@ class EdgeFit:
         slopes[0] -= carried
         slopes[1] += carried
         # A ball's surface turns away towards its outline, and its lit side bends with it.
-        _DEPTHS.take(places, 0, design[DEPTH], 'clip')
+        DEPTHS.take(places, 0, design[DEPTH], 'clip')
         t += 1
         steep *= t
         steep /= t - 1
@@ -407,20 +377,6 @@ class EdgeFit:
             power += abs(waves.sum()) ** 2
             waves *= normal
         return float(power) / (WAVES * float(weight.sum()))
-
-
-def _lie_in(
-    places: npt.NDArray[np.intp],
-    width: int,
-    window: Window,
-    outline: Ellipse,
-    sectors: npt.NDArray[np.bool_],
-) -> npt.NDArray[np.bool_]:
-    u, v = outline.centre.tolist()
-    angles = np.arctan2(places // width + window.top - v, places % width + window.left - u)
-    which = (angles * (len(sectors) / (2 * math.pi))).astype(np.intp) % len(sectors)
-    seen: npt.NDArray[np.bool_] = sectors[which]
-    return seen
 
 
 def _limited(value: float, most: float) -> float:

@@ -57,3 +57,20 @@ class Window:
                 mask, self._centre, axes, self._degrees, 0, 360, 1, cv2.FILLED, 8, SUBPIXEL_BITS
             )
         return mask
+
+    def lie_in(
+        self,
+        places: npt.NDArray[np.intp],
+        centre: npt.NDArray[np.float64],
+        sectors: npt.NDArray[np.bool_],
+    ) -> npt.NDArray[np.bool_]:
+        """Whether pixels, by their places row by row, lie in sectors about a centre, px.
+
+        The sectors are equal ones, by direction from the u axis towards the v axis.
+        """
+        rows, columns = np.divmod(places, self.pixels.shape[1])
+        u, v = centre.tolist()
+        angles = np.arctan2(rows + self.top - v, columns + self.left - u)
+        which = (angles * (len(sectors) / (2 * math.pi))).astype(np.intp) % len(sectors)
+        inside: npt.NDArray[np.bool_] = sectors[which]
+        return inside
