@@ -13,7 +13,9 @@ algorithm for systems with Markovian switching coefficients", IEEE TAC 33(8), 19
 chain in continuous time, whose unit is the time between frames. Seen as a cloud, the rungs are the
 widths that it may have: a normal cloud is a normal distribution whose width is itself uncertain.
 
-Arrays have leading dimensions for batches, then the axis, the rung and the component.
+Arrays have leading dimensions for batches, then the axis, the component and the rung: position and
+velocity, then their variances and, between them, their covariance. A step is a few products: on
+arrays as small as these the number of calls is what costs.
 """
 
 from __future__ import annotations
@@ -59,8 +61,9 @@ _NEAR = 4.0
 _LOG_DENSITY = -math.log(2.0 * math.log(1e4))
 _LOG_TWO_PI = math.log(2.0 * math.pi)
 
-# Squares of position and velocity, and their product.
-_LEFT, _RIGHT = np.array([0, 0, 1]), np.array([0, 1, 1])
+# Components: position, velocity; variance of the position, covariance, variance of the velocity.
+P, V, PP, PV, VV = range(5)
+_SIZE = 5
 _FIRST_SPEEDS = np.maximum((_FIRST_SPEED**2) * INDICES, _LEAST_FIRST_SPEED**2)
 _FIRST_SPEEDS[REST] = 0.0
 
@@ -82,10 +85,8 @@ class Ladder(NamedTuple):
 
     Attributes
     ----------
-    states : (..., 3, R, 2) array
-        Position (m) and velocity (m/s) on each rung.
-    covariances : (..., 3, R, 3) array
-        Of these: position, both, velocity.
+    states : (..., 3, 5, R) array
+        Per axis and rung: position (m), velocity (m/s), their variances and covariance.
     weights : (..., 3, R) array
         Probabilities of the rungs.
     variance : (..., 3) array
@@ -98,7 +99,6 @@ class Ladder(NamedTuple):
     """
 
     states: Array
-    covariances: Array
     weights: Array
     variance: Array
     interval: Array
@@ -108,57 +108,75 @@ class Ladder(NamedTuple):
 def start(position: Array, variance: Array) -> Ladder:
     """Return the bank after a first position (..., 3) of that variance (..., 3) along the axes."""
     batch = position.shape[:-1]
-    states = np.zeros((*batch, 3, RUNGS, 2))
-    states[..., 0] = position[..., None]
-    covariances = np.zeros((*batch, 3, RUNGS, 3))
-    covariances[..., 0] = variance[..., None]
+    states = np.zeros((*batch, 3, _SIZE, RUNGS))
+    states[..., P, :] = position[..., None]
+    states[..., PP, :] = variance[..., None]
     weights = np.full((*batch, 3, RUNGS), 1.0 / RUNGS)
-    return Ladder(states, covariances, weights, variance, np.zeros(batch), np.zeros(batch))
+    return Ladder(states, weights, variance, np.zeros(batch), np.zeros(batch))
 
 
 def advance(ladder: Ladder, elapsed: Seconds) -> Ladder:
     """Return the bank `elapsed` seconds later."""
     elapsed = np.asarray(elapsed)
-    interval, covariances = ladder.interval, ladder.covariances
-    new = interval == 0.0
-    if np.any(new):
+    interval, states = ladder.interval, ladder.states
+    if not np.all(interval):
         # Of the velocity is known what two positions can say of it.
+        new = interval == 0.0
         interval = np.where(new, np.clip(elapsed, *_INTERVALS), interval)
         per_frame = (ladder.variance / (interval * interval)[..., None])[..., None]
-        speeds = np.where(new[..., None, None], per_frame * _FIRST_SPEEDS, covariances[..., 2])
-        covariances = np.concatenate([covariances[..., :2], speeds[..., None]], axis=-1)
-    frames = (elapsed / interval)[..., None]
-    switch = np.exp(frames * _RATES).dot(_SWITCHES)
-    switch = (
-        switch.reshape(*frames.shape, RUNGS, RUNGS)
-        if frames.ndim > 1
-        else switch.reshape(1, RUNGS, RUNGS)
-    )
-    joint = ladder.weights[..., None] * switch
-    weights = joint.sum(axis=-2)
-    mixing = (joint / weights[..., None, :]).swapaxes(-1, -2)
+        states = states.copy()
+        first = per_frame * _FIRST_SPEEDS
+        states[..., VV, :] = np.where(new[..., None, None], first, states[..., VV, :])
+    frames = elapsed / interval
+    switch = np.exp(frames[..., None] * _RATES).dot(_SWITCHES)
+    switch = switch.reshape(*frames.shape, RUNGS, RUNGS)
+    weights = ladder.weights @ switch
     # About the first rung's state, so that squares of positions do not swamp variances.
-    apart = ladder.states - ladder.states[..., :1, :]
-    moments = covariances + apart[..., _LEFT] * apart[..., _RIGHT]
-    mixed = mixing @ np.concatenate([apart, moments], axis=-1)
-    mean, moments = mixed[..., :2], mixed[..., 2:]
-    moments = moments - mean[..., _LEFT] * mean[..., _RIGHT]
-    states = mean + ladder.states[..., :1, :]
-    states[..., REST, 1] = 0.0
-    moments[..., REST, 1:] = 0.0
-    time = elapsed[..., None, None]
-    moved = np.empty_like(states)
-    moved[..., 0] = states[..., 0] + time * states[..., 1]
-    moved[..., 1] = states[..., 1]
-    driven = INDICES * (ladder.variance / interval[..., None])[..., None]
-    ratio = frames[..., None]
-    a, b, c = moments[..., 0], moments[..., 1], moments[..., 2]
-    spread = np.empty_like(moments)
-    drift = driven * ratio
-    spread[..., 2] = c + drift / interval[..., None, None]
-    spread[..., 1] = b + time * c + 0.5 * drift * ratio
-    spread[..., 0] = a + time * (2.0 * b + time * c) + drift * ratio * time / 3.0
-    return Ladder(moved, spread, weights, ladder.variance, interval, ladder.since + elapsed)
+    origin = states[..., :PP, :1]
+    moments = _about(states, origin)
+    moments *= ladder.weights[..., None, :]
+    mixed = moments @ switch[..., None, :, :]
+    mixed /= weights[..., None, :]
+    mixed[..., PP:, :] -= _squares(mixed)
+    mixed[..., :PP, :] += origin
+    mixed[..., (V, PV, VV), REST] = 0.0
+    moved = _transition(elapsed)[..., None, :, :] @ mixed
+    driven = _driven(frames, interval)[..., None, :, :]
+    moved[..., PP:, :] += ladder.variance[..., None, None] * driven
+    return Ladder(moved, weights, ladder.variance, interval, ladder.since + elapsed)
+
+
+def _about(states: Array, origin: Array) -> Array:
+    """Return first and second moments (..., 5, R) of each rung about an origin (..., 2, 1)."""
+    moments = states.copy()
+    moments[..., :PP, :] -= origin
+    moments[..., PP:, :] += _squares(moments)
+    return moments
+
+
+def _squares(states: Array) -> Array:
+    """Return the products (..., 3, R) of positions and velocities."""
+    p, v = states[..., P, :], states[..., V, :]
+    return np.stack([p * p, p * v, v * v], axis=-2)
+
+
+def _transition(elapsed: Array) -> Array:
+    """Return the matrix (..., 5, 5) that takes the components `elapsed` seconds on."""
+    matrix = np.zeros((*elapsed.shape, _SIZE, _SIZE))
+    matrix[..., range(_SIZE), range(_SIZE)] = 1.0
+    matrix[..., P, V] = matrix[..., PV, VV] = elapsed
+    matrix[..., PP, PV] = 2.0 * elapsed
+    matrix[..., PP, VV] = elapsed * elapsed
+    return matrix
+
+
+def _driven(frames: Array, interval: Array) -> Array:
+    """Return what white acceleration adds (..., 3, R) to the variances, for a variance of 1."""
+    row = np.stack(
+        [frames**3 / 3.0, frames * frames / (2.0 * interval), frames / (interval * interval)],
+        axis=-1,
+    )
+    return row[..., None] * INDICES
 
 
 class Reading(NamedTuple):
@@ -185,59 +203,55 @@ def correct(
     A position further from the prediction than `acceleration` (m/s^2) could take the target is
     weighed against one that is not the target's, of which there is a share of `wrong_share`.
     """
-    p, a, b = ladder.states[..., 0], ladder.covariances[..., 0], ladder.covariances[..., 1]
-    expected = a + variance[..., None]
-    apart = position[..., None] - p
-    squares = apart * apart / expected
-    exponent = -0.5 * (squares + np.log(expected))
+    before, own = ladder.states, variance[..., None]
+    a, b = before[..., PP, :], before[..., PV, :]
+    expected = a + own
+    apart = position[..., None] - before[..., P, :]
+    exponent = -0.5 * (apart * apart / expected + np.log(expected))
     best = exponent.max(axis=-1, keepdims=True)
     seen = ladder.weights * np.exp(exponent - best)
     total = seen.sum(axis=-1, keepdims=True)
     # The density of positions by their narrowest explanation says how near is near.
-    narrow = np.sqrt(1.0 / (ladder.weights / expected).sum(axis=-1))
+    narrow = 1.0 / np.sqrt((ladder.weights / expected).sum(axis=-1))
     distance = np.abs((ladder.weights * apart).sum(axis=-1))
     since = ladder.since[..., None]
     far = distance > 0.5 * acceleration * since * since + _NEAR * narrow
-    certainty = np.ones(far.shape[:-1])
+    seen /= total
+    near, turn = np.where(_FOLLOWS, 1.0, a / expected), b / expected
+    weights = np.maximum(seen, _LEAST_WEIGHT)
+    certainty, taken = np.ones(far.shape[:-1]), np.ones_like(weights)
     if np.any(far):
         likelihood = np.log(total[..., 0]) + best[..., 0] - 0.5 * _LOG_TWO_PI
         wrong = _LOG_DENSITY - np.log(np.maximum(distance, narrow))
         odds = wrong_share / (1.0 - wrong_share) * np.exp(np.clip(wrong - likelihood, -700, 700))
         certainty = np.where(far, 1.0 / (1.0 + odds), 1.0).min(axis=-1)
-    sure = certainty[..., None, None]
-    chosen = sure * (seen / total)
-    weights = np.maximum(chosen + (1.0 - sure) * ladder.weights, _LEAST_WEIGHT)
-    # Of each rung the share of it that holds the position for the target's.
-    taken = np.minimum(chosen / weights, 1.0)
-    own = variance[..., None]
-    near, turn = np.where(_FOLLOWS, 1.0, a / expected), b / expected
+        sure = certainty[..., None, None]
+        seen *= sure
+        weights = np.maximum(seen + (1.0 - sure) * ladder.weights, _LEAST_WEIGHT)
+        # Of each rung the share of it that holds the position for the target's.
+        taken = np.minimum(seen / weights, 1.0)
     gained = taken * apart
-    states = np.empty_like(ladder.states)
-    states[..., 0] = p + near * gained
-    states[..., 1] = ladder.states[..., 1] + turn * gained
+    moved = gained * (apart - gained)
+    states = np.empty_like(before)
+    states[..., P, :] = before[..., P, :] + near * gained
+    states[..., V, :] = before[..., V, :] + turn * gained
     # Joseph's form, as the gain of those that follow is not the optimal one.
-    apart = apart - gained
-    moved = gained * apart
     kept = 1.0 - near
-    covariances = np.empty_like(ladder.covariances)
-    covariances[..., 0] = (
+    states[..., PP, :] = (
         a + taken * (kept * kept * a + near * near * own - a) + near * near * moved
     )
-    covariances[..., 1] = (
-        b + taken * (kept * (b - turn * a) + near * turn * own - b) + near * turn * moved
-    )
-    covariances[..., 2] = ladder.covariances[..., 2] + turn * turn * (moved - taken * expected)
-    interval = ladder.interval
-    ratio = np.clip(ladder.since / interval, 1.0 / _LONGEST_RATIO, _LONGEST_RATIO)
-    interval = np.clip(interval * ratio**_NEW_INTERVAL, *_INTERVALS)
-    after = Ladder(states, covariances, weights, variance, interval, 0.0 * ladder.since)
-    return Reading(after, certainty)
+    turning = near * turn
+    states[..., PV, :] = b + taken * (kept * (b - turn * a) + turning * own - b) + turning * moved
+    states[..., VV, :] = before[..., VV, :] + turn * turn * (moved - taken * expected)
+    ratio = np.clip(ladder.since / ladder.interval, 1.0 / _LONGEST_RATIO, _LONGEST_RATIO)
+    interval = np.clip(ladder.interval * ratio**_NEW_INTERVAL, *_INTERVALS)
+    return Reading(Ladder(states, weights, variance, interval, 0.0 * ladder.since), certainty)
 
 
 def mean_position(ladder: Ladder) -> Array:
     """Return the position (..., 3) along the axes, over all rungs."""
     weights = ladder.weights
-    return (weights * ladder.states[..., 0]).sum(axis=-1) / weights.sum(axis=-1)
+    return (weights * ladder.states[..., P, :]).sum(axis=-1) / weights.sum(axis=-1)
 
 
 def moments(ladder: Ladder) -> tuple[Array, Array]:
@@ -245,13 +259,12 @@ def moments(ladder: Ladder) -> tuple[Array, Array]:
 
     The covariance of each axis is that of the position, of both, and of the velocity.
     """
-    share = (ladder.weights / ladder.weights.sum(axis=-1, keepdims=True))[..., None, :]
-    first = ladder.states[..., :1, :]
-    apart = ladder.states - first
-    spread = ladder.covariances + apart[..., _LEFT] * apart[..., _RIGHT]
-    summed = (share @ np.concatenate([apart, spread], axis=-1))[..., 0, :]
-    mean, spread = summed[..., :2], summed[..., 2:]
-    return mean + first[..., 0, :], spread - mean[..., _LEFT] * mean[..., _RIGHT]
+    origin = ladder.states[..., :PP, :1]
+    weights = ladder.weights[..., None]
+    summed = (_about(ladder.states, origin) @ weights)[..., 0] / weights.sum(axis=-2)
+    p, v = summed[..., P], summed[..., V]
+    spread = summed[..., PP:] - np.stack([p * p, p * v, v * v], axis=-1)
+    return summed[..., :PP] + origin[..., 0], spread
 
 
 def turned(ladder: Ladder, turn: Array) -> Ladder:
@@ -260,5 +273,7 @@ def turned(ladder: Ladder, turn: Array) -> Ladder:
     Positions and velocities turn with the axes. Their variances stay with the axes: it is the line
     of sight that they come from, and a step turns it by next to nothing.
     """
-    flat = ladder.states.reshape(*ladder.states.shape[:-2], -1)
-    return ladder._replace(states=(turn @ flat).reshape(ladder.states.shape))
+    states = ladder.states.copy()
+    for component in (P, V):
+        states[..., component, :] = turn @ ladder.states[..., component, :]
+    return ladder._replace(states=states)
