@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 from binopos_ros.calibration.views.board import CHESSBOARD, KINDS, Board, parse_size
@@ -77,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--wave-peak',
         type=float,
         metavar='HZ',
-        help='frequency of the highest waves, within 1.6 .. 6 Hz (default: 2.5)',
+        help='frequency of the highest waves, from swell of 0.1 to ripples of 6 Hz (default: 2.5)',
     )
     water.add_argument(
         '--salt',
@@ -99,6 +100,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     target.add_argument(
         '--period', type=float, metavar='S', help='seconds for one round of the path'
+    )
+    target.add_argument(
+        '--swing',
+        type=float,
+        metavar='DEGREES',
+        help='the rig swings to and fro by so much about its vertical axis (default: it hangs '
+        'still); not before a water surface',
+    )
+    target.add_argument(
+        '--swing-period', type=float, default=1.0, metavar='S', help='of that swing (default: 1)'
     )
     target.add_argument(
         '--diameter', type=float, metavar='M', help='diameter of the red disc in m'
@@ -176,6 +187,8 @@ def main(arguments: argparse.Namespace) -> int:
             salt=arguments.salt,
             path=arguments.path,
             period=arguments.period,
+            swing=None if arguments.swing is None else math.radians(arguments.swing),
+            swing_period=arguments.swing_period,
             diameter=arguments.diameter,
             distractors=arguments.distractors,
             noise=arguments.noise,
@@ -207,7 +220,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _refuse_contradictions(arguments: argparse.Namespace) -> None:
     for chosen, without in (
-        ('board', ('path', 'period', 'diameter')),
+        ('board', ('path', 'period', 'diameter', 'swing')),
         ('air', ('waves', 'wave_peak', 'salt')),
     ):
         for name in without if getattr(arguments, chosen) else ():

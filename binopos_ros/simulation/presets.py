@@ -16,9 +16,9 @@ from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.medium import Boundary, plane_axes
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.sensor import Sensor
-from binopos_ros.simulation.target import Disc, harmonic_path
+from binopos_ros.simulation.target import Disc, HarmonicPath, SwungPath, harmonic_path
 from binopos_ros.simulation.water import Water
-from binopos_ros.simulation.waves import WaveSpectrum
+from binopos_ros.simulation.waves import waves_of_peak
 
 Array = NDArray[np.float64]
 T = TypeVar('T')
@@ -46,6 +46,9 @@ class Choices:
         salt: refractive index at the bottom, rising steadily from fresh water at the surface.
         path: one of `target.PATHS`.
         period: of one round of the path, s.
+        swing: amplitude of the rig's own swing about its vertical axis, rad; not before a surface,
+            which would swing with it.
+        swing_period: of that swing, s.
         diameter: of the disc, m.
         distractors: number of coloured things that are no target.
         noise, quality, blur, encoding: of the sensor.
@@ -58,6 +61,8 @@ class Choices:
     salt: float | None = None
     path: str | None = None
     period: float | None = None
+    swing: float | None = None
+    swing_period: float = 1.0
     diameter: float | None = None
     distractors: int | None = None
     noise: float | None = None
@@ -112,6 +117,9 @@ def washbowl(choices: Choices = Choices(), half_size: bool = False) -> Scene:  #
         choices: what to change.
         half_size: pictures of 640x480 with a shorter focal length, instead of 1280x960.
     """
+    if choices.swing is not None:
+        msg = 'a rig that swings over water moves the surface before it: swing one behind ports'
+        raise SimulationError(msg)
     focal, size, shrink = (600.0, (640, 480), 0.5) if half_size else (900.0, (1280, 960), 1.0)
     cameras = [
         _camera(focal, focal * aspect, shrink * u, shrink * v, terms, size)
@@ -153,7 +161,7 @@ def washbowl(choices: Choices = Choices(), half_size: bool = False) -> Scene:  #
     )
     waves = None
     if choices.waves:
-        spectrum = WaveSpectrum(choices.waves, peak=_chosen(choices.wave_peak, 2.5), depth=depth)
+        spectrum = waves_of_peak(choices.waves, _chosen(choices.wave_peak, 2.5), depth)
         waves = spectrum.realise(choices.rng(WAVES))
     return Scene(
         rig=rig,
@@ -172,6 +180,12 @@ def _camera(
 ) -> PinholeCamera:
     matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     return PinholeCamera(matrix, terms, size)
+
+
+def _swung(path: HarmonicPath, choices: Choices) -> HarmonicPath | SwungPath:
+    if choices.swing is None:
+        return path
+    return SwungPath(path, choices.swing, choices.swing_period)
 
 
 def _sensor(choices: Choices, preset: Sensor) -> Sensor:
@@ -226,7 +240,7 @@ def ports(choices: Choices = Choices()) -> Scene:  # noqa: B008
         rig=rig,
         water=water,
         backdrop=OpenWater(down, 0.75, bed, water),
-        path=path,
+        path=_swung(path, choices),
         target=Disc(_chosen(choices.diameter, 0.08)),
         sensor=_sensor(choices, Sensor(exposure=2.3, blur=0.7)),
         rate=_chosen(choices.rate, 30.0),

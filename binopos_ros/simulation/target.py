@@ -86,6 +86,43 @@ class HarmonicPath:
         return positions, normals / np.linalg.norm(normals, axis=1)[:, None]
 
 
+@dataclasses.dataclass(frozen=True)
+class SwungPath:
+    """A path as a rig sees it that swings to and fro about its vertical axis, y.
+
+    Attributes:
+        path: as the rig would see it at rest.
+        amplitude: rad.
+        period: s.
+    """
+
+    path: Path
+    amplitude: float
+    period: float
+
+    def __post_init__(self) -> None:
+        if not (0 < abs(self.amplitude) < np.pi / 4 and np.isfinite(self.amplitude)):
+            msg = (
+                f'the rig swings by {np.degrees(self.amplitude):g} degrees: give a value between '
+                '0 and 45'
+            )
+            raise SimulationError(msg)
+        if not (np.isfinite(self.period) and self.period > 0):
+            msg = f'the rig swings once in {self.period!r} s: give a value above 0'
+            raise SimulationError(msg)
+
+    def poses(self, times: ArrayLike) -> tuple[Array, Array]:
+        times = np.atleast_1d(np.asarray(times, float))
+        angle = self.amplitude * np.sin(2 * np.pi * times / self.period)
+        turn = np.zeros((len(times), 3, 3))
+        turn[:, 1, 1] = 1.0
+        turn[:, 0, 0] = turn[:, 2, 2] = np.cos(angle)
+        turn[:, 0, 2], turn[:, 2, 0] = -np.sin(angle), np.sin(angle)
+        positions, normals = self.path.poses(times)
+        seen = (np.einsum('nij,nj->ni', turn, each) for each in (positions, normals))
+        return next(seen), next(seen)
+
+
 def harmonic_path(
     kind: str, centre: Array, normal: Array, axes: Array, period: float, nod: float = 0.0
 ) -> HarmonicPath:

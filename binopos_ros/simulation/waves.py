@@ -118,6 +118,25 @@ class WaveSpectrum:
         )
 
 
+def waves_of_peak(rms_height: float, peak: float, depth: float) -> WaveSpectrum:
+    """Return a spectrum about the frequency of its highest waves, Hz: 0.1 (swell) to 6 Hz.
+
+    From 1.6 Hz on it has the band of small basins; slower waves have a band of the same
+    proportions about their peak.
+
+    Raises:
+        SimulationError: a peak outside, or a height or depth that cannot be.
+    """
+    slowest, basin = 0.1, WaveSpectrum(0.0)
+    if not slowest <= peak <= basin.highest:
+        msg = f'waves with the peak at {peak!r} Hz: give {slowest} (swell) to {basin.highest:g} Hz'
+        raise SimulationError(msg)
+    if peak >= basin.lowest:
+        return WaveSpectrum(rms_height, peak=peak, depth=depth)
+    lowest, highest = (peak * edge / basin.peak for edge in (basin.lowest, basin.highest))
+    return WaveSpectrum(rms_height, peak, lowest, highest, depth)
+
+
 @dataclasses.dataclass(frozen=True)
 class WaveField:
     """A surface that is a sum of plane waves: height(x, t) = sum of a cos(k.x - omega t + phase).

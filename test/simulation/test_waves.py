@@ -13,6 +13,7 @@ from binopos_ros.simulation.waves import (
     WaveSpectrum,
     angular_frequency,
     wavenumber,
+    waves_of_peak,
 )
 
 
@@ -122,3 +123,18 @@ def test_each_wave_runs_at_its_own_phase_speed() -> None:
 def test_impossible_waves_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(SimulationError, match='give'):
         WaveSpectrum(**bad)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize('peak', [0.1, 0.3, 1.0, 2.5, 6.0])
+def test_waves_from_swell_to_ripples_have_their_energy_about_the_peak(peak):
+    spectrum = waves_of_peak(1e-3, peak, 0.6)
+    field = spectrum.realise(np.random.default_rng(1))
+    frequencies = field.angular_frequencies / (2 * np.pi)
+    assert field.rms_height == pytest.approx(1e-3)
+    assert 0.6 * peak < np.median(frequencies) < 2.0 * peak
+
+
+@pytest.mark.parametrize('peak', [0.05, 7.0])
+def test_waves_that_no_water_has_are_refused_by_name(peak):
+    with pytest.raises(SimulationError, match='swell'):
+        waves_of_peak(1e-3, peak, 0.6)
