@@ -13,7 +13,7 @@ algorithm for systems with Markovian switching coefficients", IEEE TAC 33(8), 19
 chain in continuous time, whose unit is the time between frames. Seen as a cloud, the rungs are the
 widths that it may have: a normal cloud is a normal distribution whose width is itself uncertain.
 
-Arrays have leading dimensions for batches, then the axis, the component and the rung: position and
+Arrays have leading dimensions for batches, then the rung, the axis and the component: position and
 velocity, then their variances and, between them, their covariance. A step is a few products: on
 arrays as small as these the number of calls is what costs.
 """
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.chain import eigenbasis
 from binopos_ros.smoothing.motion import Seconds
+from binopos_ros.smoothing.scalars import product
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ _FIRST_SPEED = 10.0
 #: Of a velocity of which a rung itself says nothing, per frame, in deviations of the measurement.
 _LEAST_FIRST_SPEED = 1.0
 #: From here on the gain of the position is above 0.97: taken for 1, so that nothing lags.
-_FOLLOWS = INDICES >= 100.0
+_FOLLOWS = INDICES[:, None] >= 100.0
 #: Share of the newest interval in the time between frames, and how far it may differ.
 _NEW_INTERVAL, _LONGEST_RATIO = 0.1, 3.0
 #: No camera is quicker, none is slower (s).
@@ -64,8 +65,18 @@ _LOG_TWO_PI = math.log(2.0 * math.pi)
 # Components: position, velocity; variance of the position, covariance, variance of the velocity.
 P, V, PP, PV, VV = range(5)
 _SIZE = 5
+# Of position and velocity the factors of their three products.
+_LEFT = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+_RIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
+# What takes the components some time on: of its powers 0, 1 and 2.
+_POWERS = np.zeros((3, _SIZE, _SIZE))
+_POWERS[0] = np.eye(_SIZE)
+_POWERS[1, V, P] = _POWERS[1, VV, PV] = 1.0
+_POWERS[1, PV, PP], _POWERS[2, VV, PP] = 2.0, 1.0
 _FIRST_SPEEDS = np.maximum((_FIRST_SPEED**2) * INDICES, _LEAST_FIRST_SPEED**2)
 _FIRST_SPEEDS[REST] = 0.0
+_DRIVEN = INDICES[:, None, None]
+_EXPONENTS = np.arange(3.0)
 
 
 def _generator() -> Array:
@@ -77,7 +88,8 @@ def _generator() -> Array:
 
 
 _RATES, _SWITCHES = eigenbasis(_generator())
-_SWITCHES = _SWITCHES.reshape(RUNGS, -1)
+# Transposed, so that they take the weights on as they stand.
+_SWITCHES = _SWITCHES.swapaxes(-1, -2).reshape(RUNGS, -1)
 
 
 class Ladder(NamedTuple):
@@ -85,9 +97,9 @@ class Ladder(NamedTuple):
 
     Attributes
     ----------
-    states : (..., 3, 5, R) array
-        Per axis and rung: position (m), velocity (m/s), their variances and covariance.
-    weights : (..., 3, R) array
+    states : (..., R, 3, 5) array
+        Per rung and axis: position (m), velocity (m/s), their variances and covariance.
+    weights : (..., R, 3) array
         Probabilities of the rungs.
     variance : (..., 3) array
         Of the last measurement (m^2).
@@ -108,10 +120,10 @@ class Ladder(NamedTuple):
 def start(position: Array, variance: Array) -> Ladder:
     """Return the bank after a first position (..., 3) of that variance (..., 3) along the axes."""
     batch = position.shape[:-1]
-    states = np.zeros((*batch, 3, _SIZE, RUNGS))
-    states[..., P, :] = position[..., None]
-    states[..., PP, :] = variance[..., None]
-    weights = np.full((*batch, 3, RUNGS), 1.0 / RUNGS)
+    states = np.zeros((*batch, RUNGS, 3, _SIZE))
+    states[..., P] = position[..., None, :]
+    states[..., PP] = variance[..., None, :]
+    weights = np.full((*batch, RUNGS, 3), 1.0 / RUNGS)
     return Ladder(states, weights, variance, np.zeros(batch), np.zeros(batch))
 
 
@@ -119,64 +131,46 @@ def advance(ladder: Ladder, elapsed: Seconds) -> Ladder:
     """Return the bank `elapsed` seconds later."""
     elapsed = np.asarray(elapsed)
     interval, states = ladder.interval, ladder.states
-    if not np.all(interval):
+    if not interval.all():
         # Of the velocity is known what two positions can say of it.
         new = interval == 0.0
         interval = np.where(new, np.clip(elapsed, *_INTERVALS), interval)
-        per_frame = (ladder.variance / (interval * interval)[..., None])[..., None]
+        per_frame = (ladder.variance / (interval * interval)[..., None])[..., None, :]
         states = states.copy()
-        first = per_frame * _FIRST_SPEEDS
-        states[..., VV, :] = np.where(new[..., None, None], first, states[..., VV, :])
+        first = per_frame * _FIRST_SPEEDS[:, None]
+        states[..., VV] = np.where(new[..., None, None], first, states[..., VV])
     frames = elapsed / interval
     switch = np.exp(frames[..., None] * _RATES).dot(_SWITCHES)
+    # To the row's rung from the column's.
     switch = switch.reshape(*frames.shape, RUNGS, RUNGS)
-    weights = ladder.weights @ switch
+    weights = product(switch, ladder.weights)
     # About the first rung's state, so that squares of positions do not swamp variances.
-    origin = states[..., :PP, :1]
+    origin = states[..., :1, :, :PP]
     moments = _about(states, origin)
-    moments *= ladder.weights[..., None, :]
-    mixed = moments @ switch[..., None, :, :]
-    mixed /= weights[..., None, :]
-    mixed[..., PP:, :] -= _squares(mixed)
-    mixed[..., :PP, :] += origin
-    mixed[..., (V, PV, VV), REST] = 0.0
-    moved = _transition(elapsed)[..., None, :, :] @ mixed
-    driven = _driven(frames, interval)[..., None, :, :]
-    moved[..., PP:, :] += ladder.variance[..., None, None] * driven
+    moments *= ladder.weights[..., None]
+    flat = moments.reshape(*frames.shape, RUNGS, -1)
+    mixed = product(switch, flat).reshape(moments.shape)
+    mixed /= weights[..., None]
+    mean = mixed[..., :PP]
+    mixed[..., PP:] -= mean.dot(_LEFT) * mean.dot(_RIGHT)
+    mean += origin
+    mixed[..., REST, :, V] = mixed[..., REST, :, PV] = mixed[..., REST, :, VV] = 0.0
+    onward = (elapsed[..., None] ** _EXPONENTS).dot(_POWERS.reshape(3, -1))
+    onward = onward.reshape(*elapsed.shape, 1, _SIZE, _SIZE)
+    moved = mixed @ onward if elapsed.ndim else mixed.dot(onward[0])
+    row = (frames**3 / 3.0, 0.5 * frames**2 / interval, frames / interval**2)
+    driven = np.array(row).T[..., None, None, :] * ladder.variance[..., None, :, None]
+    moved[..., PP:] += driven * _DRIVEN
     return Ladder(moved, weights, ladder.variance, interval, ladder.since + elapsed)
 
 
 def _about(states: Array, origin: Array) -> Array:
-    """Return first and second moments (..., 5, R) of each rung about an origin (..., 2, 1)."""
+    """Return first and second moments (..., 5) of each rung and axis about an origin (..., 2)."""
     moments = states.copy()
-    moments[..., :PP, :] -= origin
-    moments[..., PP:, :] += _squares(moments)
+    first = moments[..., :PP]
+    first -= origin
+    moments[..., PP:] += first.dot(_LEFT) * first.dot(_RIGHT)
     return moments
-
-
-def _squares(states: Array) -> Array:
-    """Return the products (..., 3, R) of positions and velocities."""
-    p, v = states[..., P, :], states[..., V, :]
-    return np.stack([p * p, p * v, v * v], axis=-2)
-
-
-def _transition(elapsed: Array) -> Array:
-    """Return the matrix (..., 5, 5) that takes the components `elapsed` seconds on."""
-    matrix = np.zeros((*elapsed.shape, _SIZE, _SIZE))
-    matrix[..., range(_SIZE), range(_SIZE)] = 1.0
-    matrix[..., P, V] = matrix[..., PV, VV] = elapsed
-    matrix[..., PP, PV] = 2.0 * elapsed
-    matrix[..., PP, VV] = elapsed * elapsed
-    return matrix
-
-
-def _driven(frames: Array, interval: Array) -> Array:
-    """Return what white acceleration adds (..., 3, R) to the variances, for a variance of 1."""
-    row = np.stack(
-        [frames**3 / 3.0, frames * frames / (2.0 * interval), frames / (interval * interval)],
-        axis=-1,
-    )
-    return row[..., None] * INDICES
 
 
 class Reading(NamedTuple):
@@ -203,25 +197,27 @@ def correct(
     A position further from the prediction than `acceleration` (m/s^2) could take the target is
     weighed against one that is not the target's, of which there is a share of `wrong_share`.
     """
-    before, own = ladder.states, variance[..., None]
-    a, b = before[..., PP, :], before[..., PV, :]
+    before, own = ladder.states, variance[..., None, :]
+    a, b = before[..., PP], before[..., PV]
     expected = a + own
-    apart = position[..., None] - before[..., P, :]
+    apart = position[..., None, :] - before[..., P]
     exponent = -0.5 * (apart * apart / expected + np.log(expected))
-    best = exponent.max(axis=-1, keepdims=True)
-    seen = ladder.weights * np.exp(exponent - best)
-    total = seen.sum(axis=-1, keepdims=True)
+    best = exponent.max(axis=-2, keepdims=True)
+    exponent -= best
+    seen = ladder.weights * np.exp(exponent)
+    total = seen.sum(axis=-2, keepdims=True)
     # The density of positions by their narrowest explanation says how near is near.
-    narrow = 1.0 / np.sqrt((ladder.weights / expected).sum(axis=-1))
-    distance = np.abs((ladder.weights * apart).sum(axis=-1))
+    narrow = 1.0 / np.sqrt((ladder.weights / expected).sum(axis=-2))
+    distance = np.abs((ladder.weights * apart).sum(axis=-2))
     since = ladder.since[..., None]
     far = distance > 0.5 * acceleration * since * since + _NEAR * narrow
     seen /= total
-    near, turn = np.where(_FOLLOWS, 1.0, a / expected), b / expected
     weights = np.maximum(seen, _LEAST_WEIGHT)
-    certainty, taken = np.ones(far.shape[:-1]), np.ones_like(weights)
-    if np.any(far):
-        likelihood = np.log(total[..., 0]) + best[..., 0] - 0.5 * _LOG_TWO_PI
+    near, turn = np.where(_FOLLOWS, 1.0, a / expected), b / expected
+    certainty: Array = np.ones(far.shape[:-1])
+    taken: Array | float = 1.0
+    if far.any():
+        likelihood = np.log(total[..., 0, :]) + best[..., 0, :] - 0.5 * _LOG_TWO_PI
         wrong = _LOG_DENSITY - np.log(np.maximum(distance, narrow))
         odds = wrong_share / (1.0 - wrong_share) * np.exp(np.clip(wrong - likelihood, -700, 700))
         certainty = np.where(far, 1.0 / (1.0 + odds), 1.0).min(axis=-1)
@@ -233,25 +229,25 @@ def correct(
     gained = taken * apart
     moved = gained * (apart - gained)
     states = np.empty_like(before)
-    states[..., P, :] = before[..., P, :] + near * gained
-    states[..., V, :] = before[..., V, :] + turn * gained
+    states[..., P] = before[..., P] + near * gained
+    states[..., V] = before[..., V] + turn * gained
     # Joseph's form, as the gain of those that follow is not the optimal one.
     kept = 1.0 - near
-    states[..., PP, :] = (
-        a + taken * (kept * kept * a + near * near * own - a) + near * near * moved
-    )
+    states[..., PP] = a + taken * (kept * kept * a + near * near * own - a) + near * near * moved
     turning = near * turn
-    states[..., PV, :] = b + taken * (kept * (b - turn * a) + turning * own - b) + turning * moved
-    states[..., VV, :] = before[..., VV, :] + turn * turn * (moved - taken * expected)
-    ratio = np.clip(ladder.since / ladder.interval, 1.0 / _LONGEST_RATIO, _LONGEST_RATIO)
-    interval = np.clip(ladder.interval * ratio**_NEW_INTERVAL, *_INTERVALS)
+    states[..., PV] = b + taken * (kept * (b - turn * a) + turning * own - b) + turning * moved
+    states[..., VV] = before[..., VV] + turn * turn * (moved - taken * expected)
+    ratio = ladder.since / ladder.interval
+    ratio = np.minimum(np.maximum(ratio, 1.0 / _LONGEST_RATIO), _LONGEST_RATIO)
+    interval = ladder.interval * ratio**_NEW_INTERVAL
+    interval = np.minimum(np.maximum(interval, _INTERVALS[0]), _INTERVALS[1])
     return Reading(Ladder(states, weights, variance, interval, 0.0 * ladder.since), certainty)
 
 
 def mean_position(ladder: Ladder) -> Array:
     """Return the position (..., 3) along the axes, over all rungs."""
     weights = ladder.weights
-    return (weights * ladder.states[..., P, :]).sum(axis=-1) / weights.sum(axis=-1)
+    return (weights * ladder.states[..., P]).sum(axis=-2) / weights.sum(axis=-2)
 
 
 def moments(ladder: Ladder) -> tuple[Array, Array]:
@@ -259,12 +255,12 @@ def moments(ladder: Ladder) -> tuple[Array, Array]:
 
     The covariance of each axis is that of the position, of both, and of the velocity.
     """
-    origin = ladder.states[..., :PP, :1]
+    origin = ladder.states[..., :1, :, :PP]
     weights = ladder.weights[..., None]
-    summed = (_about(ladder.states, origin) @ weights)[..., 0] / weights.sum(axis=-2)
-    p, v = summed[..., P], summed[..., V]
-    spread = summed[..., PP:] - np.stack([p * p, p * v, v * v], axis=-1)
-    return summed[..., :PP] + origin[..., 0], spread
+    summed = (_about(ladder.states, origin) * weights).sum(axis=-3) / weights.sum(axis=-3)
+    mean = summed[..., :PP]
+    spread = summed[..., PP:] - mean.dot(_LEFT) * mean.dot(_RIGHT)
+    return mean + origin[..., 0, :, :], spread
 
 
 def turned(ladder: Ladder, turn: Array) -> Ladder:
@@ -274,6 +270,5 @@ def turned(ladder: Ladder, turn: Array) -> Ladder:
     of sight that they come from, and a step turns it by next to nothing.
     """
     states = ladder.states.copy()
-    for component in (P, V):
-        states[..., component, :] = turn @ ladder.states[..., component, :]
+    states[..., :PP] = turn[..., None, :, :] @ ladder.states[..., :PP]
     return ladder._replace(states=states)

@@ -63,3 +63,8 @@ def beside(number: Number, dimensions: int) -> Number:
     if isinstance(number, float):
         return number
     return number.reshape(*number.shape, *(1,) * dimensions)
+
+
+def product(left: Array, right: Array) -> Array:
+    """Return the product of matrices; dot() is the quicker one where there is no batch."""
+    return left.dot(right) if right.ndim == 2 else left @ right

@@ -33,7 +33,15 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing import wave_bases as bases
 from binopos_ros.smoothing.motion import Seconds
-from binopos_ros.smoothing.scalars import Number, beside, components, smaller, smallest, vector
+from binopos_ros.smoothing.scalars import (
+    Number,
+    beside,
+    components,
+    product,
+    smaller,
+    smallest,
+    vector,
+)
 from binopos_ros.smoothing.wave_bases import (
     AXES,
     COVARIANCES,
@@ -275,11 +283,6 @@ def outer(left: Array, right: Array) -> Array:
     result = left.dot(_OUTER_LEFT)
     result *= right.dot(_OUTER_RIGHT)
     return result
-
-
-def product(left: Array, right: Array) -> Array:
-    """Return the product of matrices; dot() is the quicker one where there is no batch."""
-    return left.dot(right) if right.ndim == 2 else left @ right
 
 
 def sums(weights: Array, values: Array) -> Array:
