@@ -50,6 +50,14 @@ class Basin:
     focal_length: float = 900.0
     index: float = 1.3325
 
+    @property
+    def rig(self) -> StereoRig:
+        """The rig that takes the surface for flat; pixels are relative to the principal point."""
+        matrix = np.diag([self.focal_length, self.focal_length, 1.0])
+        camera = PinholeCamera(matrix, np.zeros(4), (4096, 4096))
+        water = FlatInterface([0.0, 0.0, 1.0], self.surface, [1.0, self.index])
+        return StereoRig(camera, camera, np.eye(3), [-self.baseline, 0.0, 0.0], water)
+
     def pixels(
         self, targets: Array, times: Array, waves: WaveField, envelope: Array
     ) -> tuple[Array, Array]:
@@ -97,11 +105,7 @@ class Basin:
         pixel_std: float,
     ) -> Array:
         """Return the covariances (n, 3, 3) by waves, as the triangulator follows them, m^2."""
-        size = (4096, 4096)
-        matrix = np.diag([self.focal_length, self.focal_length, 1.0])
-        camera = PinholeCamera(matrix, np.zeros(4), size)
-        water = FlatInterface([0.0, 0.0, 1.0], self.surface, [1.0, self.index])
-        rig = StereoRig(camera, camera, np.eye(3), [-self.baseline, 0.0, 0.0], water)
+        rig = self.rig
         noise = pixel_std**2 * np.eye(2)
         found = triangulate(rig, left, right, noise, noise)
         meter, media, newest = MediumMeter(rig), np.empty((len(stamps), 3, 3)), np.zeros((3, 3))

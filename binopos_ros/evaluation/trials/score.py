@@ -5,18 +5,36 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Sequence as Series
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.evaluation.trials.sequences import Sequence
 from binopos_ros.smoothing.base import Filter
 
 Array = NDArray[np.float64]
 
 #: Frames at the start that no score counts: one second, in which a filter finds its feet.
 SETTLING = 30
+
+
+class Trial(Protocol):
+    """What was measured of a target in n frames; `Sequence` is one.
+
+    Positions (n, 3) are nan where the frame gave none; `media` (n, 3, 3) is None where nothing
+    can wave.
+    """
+
+    @property
+    def stamps(self) -> Array: ...
+    @property
+    def truth(self) -> Array: ...
+    @property
+    def positions(self) -> Array: ...
+    @property
+    def covariances(self) -> Array: ...
+    @property
+    def media(self) -> Array | None: ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,7 +69,7 @@ class Track:
         return np.sum(error * solved, axis=1) / 3.0
 
 
-def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]:
+def run_together(smoother: Filter[Any], trials: Series[Trial]) -> list[Track]:
     """Run a filter over sequences of equal length in lock-step: for tuning.
 
     The same as :func:`run` on each, but for the shell's starting afresh after a long gap or a run
@@ -59,11 +77,18 @@ def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]
     """
     stamps = np.stack([trial.stamps for trial in trials])
     positions = np.stack([trial.positions for trial in trials])
-    media = np.stack([trial.media for trial in trials])
-    covariances = np.stack([trial.covariances for trial in trials]) + media
+    parts = [trial.media for trial in trials if trial.media is not None]
+    media = np.stack(parts) if parts else None
+    covariances = np.stack([trial.covariances for trial in trials])
+    if media is not None:
+        covariances = covariances + media
+
+    def spread(covariance: Array, number: int) -> Array:
+        return smoother.spread(covariance, None if media is None else media[:, number])
+
     truth = np.stack([trial.truth for trial in trials])
     options = smoother.options
-    memory = smoother._start(positions[:, 0], smoother.spread(covariances[:, 0], media[:, 0]))
+    memory = smoother._start(positions[:, 0], spread(covariances[:, 0], 0))
     estimates, spreads = np.empty_like(positions), np.empty_like(covariances)
     at = stamps[:, 0]
     began = time.perf_counter()
@@ -73,7 +98,7 @@ def run_together(smoother: Filter[Any], trials: Series[Sequence]) -> list[Track]
             measured = np.isfinite(positions[:, number, 0])
             position = np.where(measured[:, None], positions[:, number], 0.0)
             covariance = np.where(measured[:, None, None], covariances[:, number], np.eye(3))
-            covariance = smoother.spread(covariance, media[:, number])
+            covariance = spread(covariance, number)
             ahead = smoother._advance(memory, elapsed)
             foretold = smoother._estimate(ahead)
             distance = np.linalg.norm(position - foretold.position, axis=1)
@@ -106,7 +131,7 @@ def _select(used: NDArray[np.bool_], new: Any, old: Any) -> Any:
     return np.where(used.reshape(-1, *([1] * (new.ndim - 1))), new, old)
 
 
-def run(smoother: Filter[Any], sequence: Sequence) -> Track:
+def run(smoother: Filter[Any], sequence: Trial) -> Track:
     """Run a filter, started afresh, over a sequence."""
     smoother.reset()
     count = sequence.stamps.size
@@ -116,11 +141,12 @@ def run(smoother: Filter[Any], sequence: Sequence) -> Track:
     began = time.perf_counter()
     for number in range(count):
         if measured[number]:
-            medium = sequence.media[number]
+            medium = None if sequence.media is None else sequence.media[number]
+            covariance = sequence.covariances[number]
             state = smoother.step(
                 stamps[number],
                 sequence.positions[number],
-                sequence.covariances[number] + medium,
+                covariance if medium is None else covariance + medium,
                 medium,
             )
         else:
