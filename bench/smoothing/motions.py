@@ -8,6 +8,7 @@ ports: each motion of `evaluation/trials/motions.py` at 10, 30 and 100 Hz, with 
    filter runs over all sequences in lock-step, and alone, as the node runs it, over those that
    come out above 1.05: lock-step cannot start afresh.
 faults: the same at 30 Hz, 0.1 px and 1 m, where the detector has faults; as the node runs it.
+opponents: every filter behind ports, at 30 Hz, 0.1 px and 1 m, in lock-step.
 waters: under a free surface, each water of `evaluation/trials/waters.py`, through `Tracker`.
 calibration: a rig with its calibration's covariance, drawn 200 times, through `Tracker`.
 
@@ -38,7 +39,7 @@ from binopos_ros.evaluation.trials.motions import (
 from binopos_ros.evaluation.trials.paths import KINDS
 from binopos_ros.evaluation.trials.score import run, run_together
 from binopos_ros.evaluation.trials.waters import WATERS, draw_water
-from binopos_ros.smoothing import make_filter
+from binopos_ros.smoothing import FILTERS, make_filter
 
 RATES, PIXEL_STDS, DISTANCES = (10.0, 30.0, 100.0), (0.01, 0.1, 1.0), (0.2, 1.0, 10.0)
 #: The goal: no pose is worse than its positions by more.
@@ -140,6 +141,23 @@ def faults_table(seeds: range) -> None:
         )
 
 
+def opponents_table(seeds: range) -> None:
+    """Every filter behind ports, with the values that it was tuned to in a basin."""
+    rig = ports_rig()
+    kinds = ('still', 'hovering', 'swinging rig')
+    print('\n### Behind ports, 30 Hz, 0.1 px, 1 m: median ratio of every filter\n')
+    print(f'| filter | {" | ".join(kinds)} |\n|---|---|---|---|')
+    views = {kind: [draw_views(kind, rig, Conditions(), seed) for seed in seeds] for kind in kinds}
+    trials = {kind: measure(rig, views[kind]) for kind in kinds}
+    for name in FILTERS:
+        medians = []
+        for kind in kinds:
+            tracks = run_together(make_filter(name), trials[kind])
+            found = map(score, views[kind], trials[kind], tracks)
+            medians.append(f'{np.median([each.ratio for each in found]):.2f}')
+        print(f'| {name} | {" | ".join(medians)} |', flush=True)
+
+
 def waters_table(seeds: range) -> None:
     """Waters under a free surface."""
     print('\n### Under a free surface, 30 Hz, 0.05 px, slope 0.02 RMS\n')
@@ -179,6 +197,7 @@ def row(name: str, found: list[Score]) -> None:
 TABLES = {
     'ports': ports_tables,
     'faults': faults_table,
+    'opponents': opponents_table,
     'waters': waters_table,
     'calibration': calibration_table,
 }
