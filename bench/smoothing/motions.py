@@ -52,6 +52,8 @@ FAULTS = {
     'variance stated 3 times too small': Conditions(stated=1.0 / 3.0),
     'variance stated 3 times too large': Conditions(stated=3.0),
 }
+#: Of the default filter, where they are not its own.
+OPTIONS: dict[str, float] = {}
 HEADER = '| ratio: median | largest | above 1.05 | squares | inside |'
 
 
@@ -60,7 +62,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--seeds', type=int, default=6, help='sequences under each condition')
     parser.add_argument('tables', nargs='*', default=list(TABLES), help='names; default: all')
+    parser.add_argument(
+        '--set', action='append', default=[], metavar='NAME=VALUE', help="the filter's options"
+    )
     arguments = parser.parse_args()
+    for setting in arguments.set:
+        name, value = setting.split('=')
+        OPTIONS[name] = float(value)
     for name in arguments.tables:
         TABLES[name](range(arguments.seeds))
 
@@ -76,7 +84,7 @@ def ports_tables(seeds: range) -> None:
     for kind in MOTIONS:
         cases = list(itertools.product(grid, seeds))
         views = [draw_views(kind, rig, conditions, seed) for conditions, seed in cases]
-        smoother = make_filter('cloud-kalman')
+        smoother = make_filter('cloud-kalman', **OPTIONS)
         trials = measure(rig, views)
         tracks = run_together(smoother, trials)
         for (conditions, _), seen, trial, tracked in zip(
@@ -131,7 +139,7 @@ def faults_table(seeds: range) -> None:
     for name, conditions in FAULTS.items():
         cases = itertools.product(MOTIONS, seeds)
         views = [draw_views(kind, rig, conditions, seed) for kind, seed in cases]
-        smoother = make_filter('cloud-kalman')
+        smoother = make_filter('cloud-kalman', **OPTIONS)
         row(
             name,
             [
@@ -166,7 +174,7 @@ def waters_table(seeds: range) -> None:
         found = []
         for kind, seed in itertools.product(KINDS, seeds):
             rig, views = draw_water(name, kind, seed)
-            found.append(score(views, *track(rig, views)))
+            found.append(score(views, *track(rig, views, **OPTIONS)))
         raw, pose = 1e3 * np.mean([(each.raw, each.pose) for each in found], axis=0)
         row(f'{name}, {water.lowest:g}-{water.highest:g} Hz | {raw:.2f}, {pose:.2f}', found)
 
