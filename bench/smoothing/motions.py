@@ -47,7 +47,8 @@ WORST = 1.05
 FAULTS = {
     'none': Conditions(),
     'noise alike from frame to frame (0.9)': Conditions(likeness=0.9),
-    'bursts of a wrong object, 5 %': Conditions(wrong_share=0.05),
+    'single wrong objects, 5 %': Conditions(wrong_share=0.05, burst=1),
+    'bursts of 5 frames of a wrong object, 5 %': Conditions(wrong_share=0.05),
     '30 % detected': Conditions(detected_share=0.3),
     'variance stated 3 times too small': Conditions(stated=1.0 / 3.0),
     'variance stated 3 times too large': Conditions(stated=3.0),

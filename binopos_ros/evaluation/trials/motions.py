@@ -27,8 +27,6 @@ Motion = Callable[[Array, Array, np.random.Generator], Array]
 SETTLING = 1.0
 #: 95 % of the squared errors of three honest dimensions lie below (chi-squared).
 INSIDE = 7.8147
-#: Frames that another thing is taken for the target in a row.
-_BURST = 5
 #: A motion that leaves the pictures is shrunk by so much until it does not.
 _SHRINK = 0.8
 
@@ -50,7 +48,9 @@ class Conditions:
     likeness : float
         Correlation of the noise of one frame with that of the next, from 0 to 1.
     wrong_share : float
-        Share of the frames in which another thing is taken for the target, in bursts.
+        Share of the frames in which another thing is taken for the target.
+    burst : int
+        Frames in a row in which it is.
     detected_share : float
         Share of the frames that give a pair at all.
     stated : float
@@ -64,6 +64,7 @@ class Conditions:
     frames: int = 300
     likeness: float = 0.0
     wrong_share: float = 0.0
+    burst: int = 5
     detected_share: float = 1.0
     stated: float = 1.0
 
@@ -164,7 +165,7 @@ def draw_views(kind: str, rig: StereoRig, conditions: Conditions, seed: int) -> 
     truth = draw_motion(kind, stamps, place, random)
     while not _in_view(rig, truth):
         truth = place + _SHRINK * (truth - place)
-    wrong = _bursts(count, conditions.wrong_share, random)
+    wrong = _bursts(conditions, random)
     sideways = random.uniform(-0.2, 0.2, 3) * np.array([1.0, 1.0, 0.5])
     seen = np.where(wrong[:, None], place + conditions.distance * sideways, truth)
     noise = conditions.pixel_std * _noise(count, conditions.likeness, random)
@@ -243,10 +244,11 @@ def _in_view(rig: StereoRig, points: Array) -> bool:
     return True
 
 
-def _bursts(count: int, share: float, random: np.random.Generator) -> NDArray[np.bool_]:
-    begins = random.random(count) < share / _BURST
+def _bursts(conditions: Conditions, random: np.random.Generator) -> NDArray[np.bool_]:
+    count, burst = conditions.frames, conditions.burst
+    begins = random.random(count) < conditions.wrong_share / burst
     begins[0] = False
-    return np.asarray(np.convolve(begins, np.ones(_BURST))[:count] > 0.0)
+    return np.asarray(np.convolve(begins, np.ones(burst))[:count] > 0.0)
 
 
 def _noise(count: int, likeness: float, random: np.random.Generator) -> Array:
