@@ -38,8 +38,11 @@ _CALM, _ROUGH = 0.4, 1.0
 class CloudKalmanOptions(Options):
     """Options of the cloud-Kalman filter."""
 
+    max_jump: float = option(
+        100.0, 'a position further than this from the prediction is refused', 'm', (1e-3, 1e3)
+    )
     max_acceleration: float = option(
-        50.0,
+        100.0,
         'a position that only a larger acceleration would explain may be that of another thing',
         'm/s^2',
         (1e-3, 1e6),
