@@ -39,7 +39,7 @@ class CloudKalmanOptions(Options):
     """Options of the cloud-Kalman filter."""
 
     max_jump: float = option(
-        100.0, 'a position further than this from the prediction is refused', 'm', (1e-3, 1e3)
+        5.0, 'a position further than this from the prediction is refused', 'm', (1e-3, 1e3)
     )
     max_acceleration: float = option(
         100.0,
