@@ -77,8 +77,8 @@ def test_whole_numbers_are_taken_where_floats_are_meant(written, text):
 
 
 def test_numbers_are_read_as_ros_reads_them(written):
-    path = written('/**/smoother: {ros__parameters: {still_density: 1e-6, output_rate: 0}}')
-    assert Parameters([path]).of_node('smoother') == {'still_density': 1e-6, 'output_rate': 0.0}
+    path = written('/**/smoother: {ros__parameters: {wrong_share: 1e-6, output_rate: 0}}')
+    assert Parameters([path]).of_node('smoother') == {'wrong_share': 1e-6, 'output_rate': 0.0}
 
 
 def test_what_stands_under_a_wildcard_and_is_not_ours_is_left_alone(written):

@@ -42,7 +42,7 @@ class CloudKalmanOptions(Options):
         5.0, 'a position further than this from the prediction is refused', 'm', (1e-3, 1e3)
     )
     max_acceleration: float = option(
-        100.0,
+        20.0,
         'a position that only a larger acceleration would explain may be that of another thing',
         'm/s^2',
         (1e-3, 1e6),
@@ -112,7 +112,7 @@ class CloudKalmanFilter(Filter[_Memory]):
             begun = waves.start(measured, noise, medium)
             return memory._replace(free=free.ladder, waves=begun, certainty=free.certainty)
         wavy = waves.correct(memory.waves, measured, noise, medium)
-        rough = _roughness(noise, medium)
+        rough = _roughness(noise, medium) * waves.believable(wavy.waves, noise, medium)
         certainty = free.certainty + rough * (wavy.certainty - free.certainty)
         return _Memory(memory.axes, free.ladder, wavy.waves, rough, certainty)
 

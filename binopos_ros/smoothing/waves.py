@@ -50,6 +50,8 @@ _FIRST_TRUST = 0.3
 #: The least deviation of waves, in that of the whole measurement: so waves that set in after a
 #: calm find hypotheses that expect them.
 _LEAST_WAVES = 0.1
+#: Deviation that waves may have that are seen for the first time, in that of the pixels' noise.
+_FIRST_WAVES = 10.0
 #: The largest, in the medium's: the rays' miss tells the waves' size to a factor of two.
 _MOST_WAVES = 2.0
 #: Share of the waves' variance that all axes have in common, in units of the pixels' variance.
@@ -100,7 +102,7 @@ def start(position: Array, noise: Array, medium: Array) -> Waves:
 
     `noise` and `medium` (..., 3) are the variances of the pixels and of the waves (m^2).
     """
-    spread = np.maximum(medium, _LEAST_WAVES**2 * (noise + medium))
+    spread = np.maximum(medium, _FIRST_WAVES**2 * noise)
     clouds = Clouds(
         *(
             RecursiveCloud.at_rest(each**0.5, _DROPS_AT_START, _WINDOW)
@@ -133,6 +135,16 @@ def correct(waves: Waves, position: Array, noise: Array, medium: Array) -> Readi
     trust = waves.trust + _FORGETTING * (certainty - waves.trust)
     spread = vector(_spreads(clouds, components(noise), components(medium)))
     return Reading(Waves(bank, clouds, spread, trust), certainty)
+
+
+def believable(waves: Waves, noise: Array, medium: Array) -> Array:
+    """Return from 0 to 1 how far the filter keeps to what is measured; see :func:`start`.
+
+    Waves leave the mean in its place: a lag beyond what they may be is the target's motion.
+    """
+    lags = vector(cloud.expectation for cloud in waves.clouds)
+    farthest = (np.abs(lags) / np.sqrt(noise + medium)).max(axis=-1)
+    return np.clip(2.0 - farthest / _MOST_WAVES, 0.0, 1.0)
 
 
 def moments(waves: Waves) -> tuple[Array, Array]:

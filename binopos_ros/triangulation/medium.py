@@ -34,9 +34,8 @@ GRAVITY = 9.80665
 #: Memory of the waves' level (s): a few periods of basins' waves. Of their frequency (s): a few
 #: of the longest that show.
 _LEVEL_MEMORY, _COLOUR_MEMORY = 1.0, 5.0
-#: What a first miss may be, in deviations of pixel noise, and counts for one pair: of a surface
-#: that is seen for the first time nothing is known.
-_FIRST_LEVEL = 20.0
+#: Part of the pixel noise's variance that a window of misses in calm water may add by chance.
+_CHANCE = 0.6
 #: Misses further out than this, in their usual deviations, are shortened: one wrong pair is no
 #: wave.
 _FARTHEST = 4.0
@@ -48,8 +47,9 @@ _DOUBTED = 10.0
 _LONG_WAVES = 2.5
 #: Slower waves (Hz) leave no miss that pixels show.
 _SLOWEST = 0.5
-#: Part of the pixel noise's variance that misses must add to tell a frequency, and pairs needed.
-_LEAST_LEVEL, _LEAST_PAIRS = 0.15, 20.0
+#: Deviations of what chance adds to the misses' variance that are needed to tell a frequency, and
+#: pairs.
+_SURE, _LEAST_PAIRS = 3.0, 20.0
 _MEAN_ABSOLUTE_TO_DEVIATION = math.sqrt(math.pi / 2.0)
 
 _DIRECTIONS = (np.arange(16) + 0.5) * (math.pi / 32.0)
@@ -106,24 +106,28 @@ class MediumMeter:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all pairs: nothing is known of the water."""
+        """Forget all pairs: the water is taken for calm."""
         self._stamp: float | None = None
         self._miss = 0.0
-        self._total, self._mean = 1.0, 0.0
-        self._absolute = _FIRST_LEVEL / _MEAN_ABSOLUTE_TO_DEVIATION
+        self._total = self._mean = self._absolute = 0.0
         self._count = self._square = self._product = 0.0
         self._interval = 0.0
 
     @property
     def level(self) -> float:
-        """The waves' deviation in the rays' miss, in those of pixel noise."""
-        return math.sqrt(max(self._deviation**2 - 1.0, 0.0))
+        """The waves' deviation in the rays' miss, in pixel noises; 0 where it may be chance."""
+        added = self._deviation**2 - 1.0
+        return math.sqrt(added) if added > _CHANCE else 0.0
 
     @property
     def frequency(self) -> float:
         """The waves' mean frequency in the rays' miss (Hz); nan where it does not show."""
         swing = self._square - 1.0
-        if swing < _LEAST_LEVEL or self._count < _LEAST_PAIRS or self._interval <= 0.0:
+        if (
+            swing < _SURE * math.sqrt(2.0 / max(self._count, 1.0))
+            or self._count < _LEAST_PAIRS
+            or self._interval <= 0.0
+        ):
             return math.nan
         likeness = min(max(self._product / swing, -1.0), 1.0)
         return max(math.acos(likeness) / (2.0 * math.pi * self._interval), _SLOWEST)
@@ -145,7 +149,7 @@ class MediumMeter:
             noise: (3, 3) its covariance by pixel noise, m^2.
         """
         self._follow(stamp, self._signed_miss(residuals, covs))
-        level = max(self._deviation**2 - 1.0, 0.0)
+        level = self.level**2
         return Fluctuation(level * noise, self._long(point, noise))
 
     def _signed_miss(self, residuals: Array, covs: tuple[Array, Array]) -> float:
@@ -162,6 +166,7 @@ class MediumMeter:
         elapsed = 0.0 if self._stamp is None else stamp - self._stamp
         if elapsed < 0.0:
             self.reset()
+            elapsed = 0.0
         before, self._stamp = self._stamp, stamp
         fading = math.exp(-elapsed / _LEVEL_MEMORY)
         usual = max(self._deviation, 1.0)
