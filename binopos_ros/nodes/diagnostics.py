@@ -23,7 +23,7 @@ class StageDiagnostics:
 
     The level is ERROR while one of `errors`, standing problems by what they are about, is set;
     WARN while another node gets in the way; STALE while nothing comes in; WARN in a second in
-    which something was dropped; and OK while data flows.
+    which something was dropped, or nothing goes out of what comes in; and OK while data flows.
     """
 
     def __init__(
@@ -103,6 +103,8 @@ class StageDiagnostics:
             return DiagnosticStatus.STALE, 'no input'
         if now[3] > previous[3]:
             return DiagnosticStatus.WARN, f'{now[3] - previous[3]} dropped: {self._last_drop}'
+        if now[2] == previous[2]:
+            return DiagnosticStatus.WARN, 'something comes in, and nothing goes out'
         return DiagnosticStatus.OK, 'running'
 
     def _look_about(self) -> None:
