@@ -18,7 +18,7 @@ from sensor_msgs.msg import CameraInfo
 
 from binopos_ros.node_options import OF_ROS, QOS_OVERRIDES
 from binopos_ros.nodes.shell import StageNode, is_empty_list
-from binopos_ros.optics.camera_info import write_camera_info
+from binopos_ros.optics.camera_info_files import write_camera_info
 from binopos_ros.optics.camera_info_message import read_camera_info_message
 
 NODES = ('camera', 'detector', 'triangulator', 'smoother')

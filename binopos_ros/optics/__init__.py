@@ -5,10 +5,9 @@ from binopos_ros.optics.camera_info import (
     CameraInfo,
     CameraInfoWarning,
     Roi,
-    read_camera_info,
     stereo_from_camera_infos,
-    write_camera_info,
 )
+from binopos_ros.optics.camera_info_files import read_camera_info, write_camera_info
 from binopos_ros.optics.column import graded_interface, mean_index
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.interface import FlatInterface

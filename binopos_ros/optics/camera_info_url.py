@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from urllib.parse import unquote
 
-from binopos_ros.optics.camera_info import CameraInfo, read_camera_info
+from binopos_ros.optics.camera_info import CameraInfo
+from binopos_ros.optics.camera_info_files import read_camera_info
 from binopos_ros.optics.errors import OpticsError
 
 FILE, PACKAGE = 'file://', 'package://'

@@ -15,7 +15,8 @@ from binopos_ros.capture.usb import Camera
 from binopos_ros.capture.v4l2 import Format
 from binopos_ros.cli import doctor, machine, main
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING
-from binopos_ros.optics.camera_info import CameraInfo, write_camera_info
+from binopos_ros.optics.camera_info import CameraInfo
+from binopos_ros.optics.camera_info_files import write_camera_info
 
 LEFT = Camera('/dev/video0', 'Lab', 0, '1209:0001', 'S1', '3-1', bus=3, address=5)
 RIGHT = Camera('/dev/video2', 'Lab', 0, '1209:0001', 'S2', '3-2', bus=3, address=6)

@@ -22,7 +22,8 @@ from binopos_ros.capture.usb import Camera  # noqa: E402
 from binopos_ros.node_options import Parameters  # noqa: E402
 from binopos_ros.nodes.camera import CameraNode  # noqa: E402
 from binopos_ros.nodes.running import overrides  # noqa: E402
-from binopos_ros.optics.camera_info import CameraInfo, write_camera_info  # noqa: E402
+from binopos_ros.optics.camera_info import CameraInfo  # noqa: E402
+from binopos_ros.optics.camera_info_files import write_camera_info  # noqa: E402
 
 
 class Rig:
