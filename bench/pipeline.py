@@ -85,7 +85,7 @@ def main() -> None:
 
         print('offline')
         taken, peak, _ = min(
-            run('process', bag, '-o', folder / f'{k}.mcap', '--csv', folder / 'refractive.csv')
+            run('process', bag, '-o', folder / f'{k}.mcap', '--csv', folder / f'{k}.csv')
             for k in range(3)
         )
         print(
