@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.bag.definitions import jazzy
 from binopos_ros.bag.errors import BagError
+from binopos_ros.optics.camera_info import CameraInfo
+from binopos_ros.optics.camera_info_message import camera_info_fields
 
 COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
 IMAGE = 'sensor_msgs/msg/Image'
@@ -85,29 +87,10 @@ def image(
     )
 
 
-def camera_info(stamp_ns: int, frame_id: str, info: Any) -> Any:
-    """A camera's calibration, an `optics.CameraInfo`, as a message; its name is not part of it."""
-    return _make(
-        CAMERA_INFO,
-        header=_header(stamp_ns, frame_id),
-        height=info.height,
-        width=info.width,
-        distortion_model=info.distortion_model,
-        d=_floats(info.d),
-        k=_floats(info.k),
-        r=_floats(info.r),
-        p=_floats(info.p),
-        binning_x=info.binning[0],
-        binning_y=info.binning[1],
-        roi=_make(
-            'sensor_msgs/msg/RegionOfInterest',
-            x_offset=info.roi.x_offset,
-            y_offset=info.roi.y_offset,
-            height=info.roi.height,
-            width=info.roi.width,
-            do_rectify=info.roi.do_rectify,
-        ),
-    )
+def camera_info(stamp_ns: int, frame_id: str, info: CameraInfo) -> Any:
+    """A camera's calibration as a message; its name is not part of it."""
+    fields = camera_info_fields(info, jazzy().types['sensor_msgs/msg/RegionOfInterest'])
+    return _make(CAMERA_INFO, header=_header(stamp_ns, frame_id), **fields)
 
 
 def pose_with_covariance(
@@ -219,7 +202,3 @@ def _covariance(covariance: ArrayLike) -> NDArray[np.float64]:
     full = np.zeros((6, 6))
     full[: len(given), : len(given)] = given
     return full.ravel()
-
-
-def _floats(values: ArrayLike) -> NDArray[np.float64]:
-    return np.asarray(values, dtype=np.float64)

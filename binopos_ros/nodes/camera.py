@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -38,6 +37,7 @@ from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.messages import header
 from binopos_ros.nodes.shell import StageNode
 from binopos_ros.optics.camera_info import CameraInfo as Calibration
+from binopos_ros.optics.camera_info_message import camera_info_fields
 from binopos_ros.optics.camera_info_url import check_pair, name_fault, read_calibration
 from binopos_ros.sides import SIDES
 
@@ -117,7 +117,10 @@ class CameraNode(StageNode):
             side: image(f'{side}/image_raw{suffix}') for side in SIDES
         }
         self._infos: dict[str, tuple[Publisher, CameraInfo]] = {
-            side: (self.publisher(CameraInfo, f'{side}/camera_info'), _info_message(calibration))
+            side: (
+                self.publisher(CameraInfo, f'{side}/camera_info'),
+                CameraInfo(**camera_info_fields(calibration, RegionOfInterest)),
+            )
             for side, calibration in self._calibrations.items()
         }
         self._frame_ids = {'left': options.left.frame_id, 'right': options.right.frame_id}
@@ -319,18 +322,3 @@ def _decoded(data: memoryview) -> NDArray[np.uint8]:
     except DetectionError as error:
         message = 'JPEG does not decode'
         raise CaptureError(message) from error
-
-
-def _info_message(calibration: Calibration) -> CameraInfo:
-    return CameraInfo(
-        width=calibration.width,
-        height=calibration.height,
-        distortion_model=calibration.distortion_model,
-        d=list(calibration.d),
-        k=list(calibration.k),
-        r=list(calibration.r),
-        p=list(calibration.p),
-        binning_x=calibration.binning[0],
-        binning_y=calibration.binning[1],
-        roi=RegionOfInterest(**asdict(calibration.roi)),
-    )

@@ -1,8 +1,12 @@
-"""Calibrations out of sensor_msgs/CameraInfo messages, whoever made their class."""
+"""Calibrations into and out of sensor_msgs/CameraInfo messages, whoever made their class."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
+
+import numpy as np
 
 from binopos_ros.optics.camera_info import CameraInfo, Roi
 
@@ -27,3 +31,22 @@ def read_camera_info_message(message: Any, name: str) -> CameraInfo:
             do_rectify=bool(message.roi.do_rectify),
         ),
     )
+
+
+def camera_info_fields(info: CameraInfo, region_of_interest: Callable[..., Any]) -> dict[str, Any]:
+    """The fields of a CameraInfo message but for its header; the camera's name is not of them.
+
+    `region_of_interest` is the class of sensor_msgs/RegionOfInterest that goes with the message's.
+    """
+    return {
+        'width': info.width,
+        'height': info.height,
+        'distortion_model': info.distortion_model,
+        'd': np.array(info.d, dtype=np.float64),
+        'k': np.array(info.k, dtype=np.float64),
+        'r': np.array(info.r, dtype=np.float64),
+        'p': np.array(info.p, dtype=np.float64),
+        'binning_x': info.binning[0],
+        'binning_y': info.binning[1],
+        'roi': region_of_interest(**asdict(info.roi)),
+    }
