@@ -21,15 +21,11 @@ from rosbags.typesys import Stores, get_typestore
 from binopos_ros.bag import BagError, BagReader, BagWriter, messages
 from binopos_ros.bag.definitions import Definition
 from binopos_ros.bag.qos import Qos
+from stored import read
 
 MakeBag = Callable[..., Path]
 STRING = 'std_msgs/msg/String'
 COMPRESSIONS = ['none', 'zstd', 'lz4']
-
-
-def read(path: Path) -> list[tuple[int, str, bytes]]:
-    with BagReader(path) as reader:
-        return [(record.stamp_ns, record.topic, record.data) for record in reader.messages()]
 
 
 def read_with_mcap(path: Path, *, seeking: bool) -> list[tuple[int, str, bytes]]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,40 +11,22 @@ import numpy as np
 import pytest
 
 from binopos_ros.bag import BagReader, BagWriter
+from other_bags import PAIRS
+from verbs import binopos, process, refused, used
 
 pytestmark = pytest.mark.xdist_group('bad_input')
-
-PAIRS = 8
-
-
-def binopos(*words: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, '-m', 'binopos_ros', *map(str, words)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
-@pytest.fixture(scope='module')
-def good_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    bag = tmp_path_factory.mktemp('good') / 'bag'
-    done = binopos('simulate', '-o', bag, '--preset', 'demo', '--pairs', PAIRS)
-    assert done.returncode == 0, done.stderr
-    return bag
-
 
 Change = Callable[[str, int, Any], Any]
 
 
 @pytest.fixture
-def rewritten(good_bag: Path, tmp_path: Path) -> Callable[[Change], Path]:
+def rewritten(demo_bag: Path, tmp_path: Path) -> Callable[[Change], Path]:
     """A copy of the good bag: change(topic, count so far, message) gives the message or None."""
 
     def rewrite(change: Change) -> Path:
         copy = tmp_path / 'changed'
         counts: dict[str, int] = {}
-        with BagReader(good_bag) as reader, BagWriter(copy) as writer:
+        with BagReader(demo_bag) as reader, BagWriter(copy) as writer:
             for topic, info in reader.topics.items():
                 writer.add_topic(topic, info.type)
             for record in reader.messages():
@@ -54,32 +34,14 @@ def rewritten(good_bag: Path, tmp_path: Path) -> Callable[[Change], Path]:
                 message = change(record.topic, count, reader.decode(record))
                 if message is not None:
                     writer.write(record.topic, record.stamp_ns, message)
-        (copy / 'binopos.yaml').write_text((good_bag / 'binopos.yaml').read_text())
+        (copy / 'binopos.yaml').write_text((demo_bag / 'binopos.yaml').read_text())
         return copy
 
     return rewrite
 
 
-def process(bag: Path, *words: object) -> subprocess.CompletedProcess[str]:
-    return binopos('process', bag, '-o', bag.parent / 'out.mcap', *words)
-
-
-def refused(done: subprocess.CompletedProcess[str], *words: str) -> None:
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert done.stderr.count('\n') == 1, done.stderr
-    assert 'Traceback' not in done.stderr
-    for word in words:
-        assert word in done.stderr
-
-
-def used(done: subprocess.CompletedProcess[str]) -> int:
-    assert 'Traceback' not in done.stderr, done.stderr
-    (line,) = (line for line in done.stdout.splitlines() if 'pairs used' in line)
-    return int(line.split()[-1])
-
-
-def test_the_good_bag_is_used_in_full(good_bag, tmp_path):
-    done = binopos('process', good_bag, '-o', tmp_path / 'out.mcap')
+def test_the_good_bag_is_used_in_full(demo_bag, tmp_path):
+    done = binopos('process', demo_bag, '-o', tmp_path / 'out.mcap')
     assert used(done) == PAIRS
 
 
@@ -97,11 +59,12 @@ def test_a_file_that_is_no_bag(tmp_path):
     refused(process(tmp_path / 'notes.mcap'), 'notes.mcap')
 
 
-def test_a_bag_that_was_cut_off_is_used_as_far_as_it_goes(good_bag, tmp_path):
-    whole = next(good_bag.glob('*.mcap')).read_bytes()
+def test_a_bag_that_was_cut_off_is_used_as_far_as_it_goes(demo_bag, tmp_path):
+    whole = next(demo_bag.glob('*.mcap')).read_bytes()
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(whole[: len(whole) * 3 // 4])
-    done = process(cut, '--config', good_bag / 'binopos.yaml')
+    words = ('process', cut, '-o', tmp_path / 'out.mcap', '--config', demo_bag / 'binopos.yaml')
+    done = binopos(*words)
     assert 1 <= used(done) < PAIRS
     assert 'cut' in done.stderr
 
@@ -164,7 +127,7 @@ def test_a_stamp_that_jumps_back_starts_again(rewritten):
     assert used(process(rewritten(jump))) == PAIRS
 
 
-def test_a_target_that_leaves_the_view_leaves_no_position(rewritten, good_bag):
+def test_a_target_that_leaves_the_view_leaves_no_position(rewritten, demo_bag):
     def blank(topic, count, message):
         if topic.endswith('compressed') and count in (2, 3):
             return dataclasses.replace(message, data=grey_jpeg(message.data))
@@ -197,17 +160,17 @@ def grey_jpeg(data: np.ndarray) -> np.ndarray:
         ('smoother:max_jmp:=1.0', 'max_jump'),
     ],
 )
-def test_a_bad_parameter(good_bag, tmp_path, assignment, words):
+def test_a_bad_parameter(demo_bag, tmp_path, assignment, words):
     done = binopos(
-        'process', good_bag, '-o', tmp_path / 'out.mcap', '--ros-args', '-p', assignment
+        'process', demo_bag, '-o', tmp_path / 'out.mcap', '--ros-args', '-p', assignment
     )
     refused(done, words)
 
 
-def test_total_reflection_gives_no_position_but_a_reason(good_bag, tmp_path):
+def test_total_reflection_gives_no_position_but_a_reason(demo_bag, tmp_path):
     """From water into air, as in a flooded housing: most rays never leave the water."""
     done = binopos(
-        *('process', good_bag, '-o', tmp_path / 'out.mcap', '--ros-args'),
+        *('process', demo_bag, '-o', tmp_path / 'out.mcap', '--ros-args'),
         *('-p', 'triangulator:interface.indices:=[4.0, 1.0]'),
         *('-p', 'triangulator:interface.normal:=[0.6, 0.0, 0.8]'),
     )
@@ -216,14 +179,14 @@ def test_total_reflection_gives_no_position_but_a_reason(good_bag, tmp_path):
     assert 'reflect' in done.stdout
 
 
-def test_a_config_that_does_not_exist(good_bag, tmp_path):
+def test_a_config_that_does_not_exist(demo_bag, tmp_path):
     refused(
-        binopos('process', good_bag, '-o', tmp_path / 'o.mcap', '--config', tmp_path / 'no.yaml'),
+        binopos('process', demo_bag, '-o', tmp_path / 'o.mcap', '--config', tmp_path / 'no.yaml'),
         'no.yaml',
     )
 
 
-def test_an_output_that_exists_is_not_overwritten(good_bag, tmp_path):
+def test_an_output_that_exists_is_not_overwritten(demo_bag, tmp_path):
     (tmp_path / 'out.mcap').write_bytes(b'precious')
-    refused(binopos('process', good_bag, '-o', tmp_path / 'out.mcap'), 'out.mcap')
+    refused(binopos('process', demo_bag, '-o', tmp_path / 'out.mcap'), 'out.mcap')
     assert (tmp_path / 'out.mcap').read_bytes() == b'precious'

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,6 +11,7 @@ import yaml
 
 from binopos_ros.bag import BagReader, BagWriter
 from binopos_ros.optics import read_camera_info, write_camera_info
+from verbs import Done, binopos, simulated
 
 pytestmark = pytest.mark.xdist_group('layers')
 
@@ -20,22 +19,9 @@ PAIRS = 20
 FRONT = '/auv7/front'
 
 
-def binopos(*words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, '-m', 'binopos_ros', *map(str, words)],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=cwd,
-    )
-
-
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp('layers') / 'bag'
-    done = binopos('simulate', '-o', folder, '--preset', 'washbowl', '--pairs', PAIRS)
-    assert done.returncode == 0, done.stderr
-    return folder
+    return simulated(tmp_path_factory.mktemp('layers') / 'bag', 'washbowl', PAIRS)
 
 
 @pytest.fixture(scope='module')
@@ -52,13 +38,13 @@ def front(bag: Path) -> Path:
 
 @pytest.fixture
 def process(tmp_path: Path):
-    def run(bag: Path, *words: object) -> subprocess.CompletedProcess[str]:
+    def run(bag: Path, *words: object) -> Done:
         return binopos('process', bag, '-o', tmp_path / 'out.mcap', *words)
 
     return run
 
 
-def raw_error_mm(done: subprocess.CompletedProcess[str]) -> float:
+def raw_error_mm(done: Done) -> float:
     assert done.returncode == 0, done.stderr
     found = re.search(r'error of target/position against truth, RMS +(\S+) mm', done.stdout)
     assert found, done.stdout

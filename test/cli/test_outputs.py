@@ -12,26 +12,16 @@ from pathlib import Path
 import pytest
 
 from binopos_ros.cli import outputs, progress
+from verbs import binopos, command, simulated
 
 pytestmark = pytest.mark.xdist_group('outputs')
 
 PAIRS = 60
 
 
-def command(*words: object) -> list[str]:
-    return [sys.executable, '-m', 'binopos_ros', *map(str, words)]
-
-
-def binopos(*words: object, **options: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command(*words), capture_output=True, text=True, check=False, **options)
-
-
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp('outputs') / 'bag'
-    done = binopos('simulate', '-o', folder, '--preset', 'demo', '--pairs', PAIRS)
-    assert done.returncode == 0, done.stderr
-    return folder
+    return simulated(tmp_path_factory.mktemp('outputs') / 'bag', 'demo', PAIRS)
 
 
 def test_a_process_that_fails_or_is_interrupted_leaves_nothing(bag, tmp_path):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,19 +12,11 @@ from binopos_ros.bag import BagReader
 from binopos_ros.bag.messages import position_of, stamp_of
 from binopos_ros.optics import FlatInterface, StereoRig, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_message import read_camera_info_message
+from verbs import binopos, simulated
 
 pytestmark = pytest.mark.xdist_group('washbowl')
 
 PAIRS = 300
-
-
-def binopos(*words: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, '-m', 'binopos_ros', *map(str, words)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def process(bag: Path, folder: Path, *words: object) -> Path:
@@ -53,10 +43,7 @@ def rms(errors: np.ndarray) -> float:
 
 @pytest.fixture(scope='module')
 def washbowl(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    bag = tmp_path_factory.mktemp('washbowl') / 'bag'
-    done = binopos('simulate', '-o', bag, '--preset', 'washbowl', '--pairs', PAIRS)
-    assert done.returncode == 0, done.stderr
-    return bag
+    return simulated(tmp_path_factory.mktemp('washbowl') / 'bag', 'washbowl', PAIRS)
 
 
 @pytest.fixture(scope='module')

@@ -16,6 +16,7 @@ import pytest
 
 from binopos_ros.bag import BagReader
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+from verbs import binopos, simulated
 
 rclpy = pytest.importorskip('rclpy', reason='rclpy is not installed')
 
@@ -29,22 +30,9 @@ PAIRS = 90
 POSE = '/stereo/target/pose'
 
 
-def binopos(*words: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, '-m', 'binopos_ros', *map(str, words)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-
-
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp('replay') / 'bag'
-    done = binopos('simulate', '-o', folder, '--preset', 'washbowl', '--pairs', PAIRS)
-    assert done.returncode == 0, done.stderr
-    return folder
+    return simulated(tmp_path_factory.mktemp('replay') / 'bag', 'washbowl', PAIRS)
 
 
 @pytest.fixture(scope='module')
