@@ -33,10 +33,10 @@ setup(
         'rosbags>=0.10',
         'pyusb>=1.2',
         'PyYAML>=6.0',
+        'simplejpeg>=1.7',
     ],
     extras_require={
         'ros': ['ros-rclpy[fastrtps]==7.1.6', 'ros-common-interfaces==5.3.6'],
-        'fast': ['simplejpeg>=1.7'],
         'reports': ['matplotlib>=3.8'],
     },
     entry_points={

@@ -66,6 +66,7 @@ def findings(options: CaptureOptions | None, seconds: float) -> Iterator[Finding
         reached = yield from rig(options, seconds)
         yield from calibration(options, reached)
     image_bytes = raw_image_bytes(options) if options else 0
+    yield from machine.decoding(*(options or CaptureOptions()).view_size)
     yield from machine.ros(os.environ)
     yield from machine.transport(os.environ, image_bytes)
     yield from machine.clock()

@@ -15,6 +15,7 @@ from binopos_ros.capture.transport import (
 )
 from binopos_ros.capture.usb import UDEV_RULE, Camera
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
+from binopos_ros.detection import decoders
 from binopos_ros.nodes.ros import REMEDY, is_installed
 
 UDEV_REMEDY = (
@@ -98,6 +99,12 @@ def transport(
         )
     else:
         yield Finding(OK, 'shared memory', told)
+
+
+def decoding(width: int, height: int) -> Iterator[Finding]:
+    """What decodes the cameras' JPEGs, and how long a frame of that size takes."""
+    level = WARNING if decoders.REMEDY else OK
+    yield Finding(level, 'JPEG decoder', decoders.told(width, height), decoders.REMEDY)
 
 
 def clock(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from .decoders import JPEG_DECODER
 from .detector import Detector, detect
 from .disc import estimate_normal
 from .errors import DetectionError
-from .images import ENCODINGS, JPEG_DECODER, Frame, JpegImage, RawImage, decode
+from .images import ENCODINGS, Frame, JpegImage, RawImage, decode
 from .options import DetectorOptions
 from .target import Candidate, Detection, Ellipse, Target
 

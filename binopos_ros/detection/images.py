@@ -16,13 +16,13 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from .decoders import decode_whole, decode_with_cv2
 from .errors import DetectionError
 from .frames import BayerFrame, ColourFrame, Frame, Picture, YuyvFrame
 from .jpeg import JpegHeader, read_header
 
 __all__ = [
     'ENCODINGS',
-    'JPEG_DECODER',
     'ColourFrame',
     'Frame',
     'JpegImage',
@@ -34,15 +34,7 @@ __all__ = [
     'image_of',
 ]
 
-try:
-    import simplejpeg
-except ImportError:
-    simplejpeg = None
-
 Bytes = bytes | bytearray | memoryview | npt.NDArray[np.uint8]
-
-JPEG_DECODER = 'cv2' if simplejpeg is None else 'simplejpeg'
-"""The decoder of this process. The two may differ in the last grey level, so it never changes."""
 
 MAX_PIXELS = 1 << 25
 """Larger pictures are refused before they are decoded: a lying header must not take the memory."""
@@ -156,34 +148,7 @@ def _decoded_jpeg(octets: npt.NDArray[np.uint8]) -> tuple[Picture, JpegHeader]:
     if not end.endswith(b'\xff\xd9'):
         msg = f'JPEG of {octets.size} bytes has no end marker: it was cut short'
         raise DetectionError(msg)
-    decoder = _decode_with_cv2 if simplejpeg is None else _decode_with_simplejpeg
-    return decoder(octets), header
-
-
-def _decode_with_simplejpeg(octets: npt.NDArray[np.uint8]) -> Picture:
-    try:
-        try:
-            return simplejpeg.decode_jpeg(octets, 'BGR')
-        except ValueError as error:
-            # Cameras pad their scans; the picture is whole all the same.
-            if 'extraneous bytes' not in str(error):
-                raise
-            return simplejpeg.decode_jpeg(octets, 'BGR', strict=False)
-    except (ValueError, RuntimeError, MemoryError) as error:
-        msg = f'corrupt JPEG of {octets.size} bytes: {str(error).strip() or "undecodable"}'
-        raise DetectionError(msg) from error
-
-
-def _decode_with_cv2(octets: npt.NDArray[np.uint8], kind: str = 'JPEG') -> Picture:
-    try:
-        picture = cv2.imdecode(octets, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    except cv2.error as error:
-        msg = f'corrupt {kind} of {octets.size} bytes: {error.err}'
-        raise DetectionError(msg) from error
-    if picture is None:
-        msg = f'corrupt {kind} of {octets.size} bytes: undecodable'
-        raise DetectionError(msg)
-    return np.asarray(picture, np.uint8)
+    return decode_whole(octets), header
 
 
 def _decode_png(octets: npt.NDArray[np.uint8]) -> Frame:
@@ -195,7 +160,7 @@ def _decode_png(octets: npt.NDArray[np.uint8]) -> Frame:
     _check_size(width, height)
     if colours in _PNG_GREY:
         raise DetectionError(_no_colour('PNG'))
-    return ColourFrame(_decode_with_cv2(octets, 'PNG'))
+    return ColourFrame(decode_with_cv2(octets, 'PNG'))
 
 
 def _decode_raw(image: RawImage) -> Frame:

@@ -17,6 +17,7 @@ from binopos_ros.detection import (
     DetectionError,
     DetectorOptions,
     Frame,
+    decoders,
 )
 from binopos_ros.detection.images import image_of
 from binopos_ros.detection.overlay import draw
@@ -28,6 +29,8 @@ from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.sides import SIDES
 
 OVERLAY_QUALITY = 80
+#: px; the size of a picture that the decoder is timed with when the node starts.
+USUAL_SIZE = (1280, 960)
 
 
 class DetectorNode(StageNode):
@@ -47,12 +50,20 @@ class DetectorNode(StageNode):
         self._overlays = {
             side: self.publisher(CompressedImage, f'{side}/overlay/compressed') for side in SIDES
         }
+        self._log_decoder()
         for side in SIDES:
             for kind, form in ((CompressedImage, 'image_raw/compressed'), (Image, 'image_raw')):
                 self.subscription(kind, f'{side}/{form}', partial(self._detect, side, form))
             self.latched_subscription(
                 CameraInfo, f'{side}/camera_info', partial(self._on_camera_info, side)
             )
+
+    def _log_decoder(self) -> None:
+        told = f'JPEGs are decoded by {decoders.told(*USUAL_SIZE)}'
+        if decoders.REMEDY:
+            self.get_logger().warning(f'{told}: {decoders.REMEDY}')
+        else:
+            self.get_logger().info(told)
 
     def _configure(self, options: DetectorOptions) -> None:
         for stage in self._stages.values():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 
 import pytest
 
@@ -15,6 +16,7 @@ from binopos_ros.capture.usb import Camera
 from binopos_ros.capture.v4l2 import Format
 from binopos_ros.cli import doctor, machine, main
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING
+from binopos_ros.detection import decoders
 from binopos_ros.optics.camera_info import CameraInfo
 from binopos_ros.optics.camera_info_files import write_camera_info
 
@@ -165,6 +167,14 @@ def test_large_raw_images_want_the_profile(tmp_path):
     other = {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}
     assert [level for level, _ in told(machine.transport(other, 3_700_000, '/nowhere'))] == [OK]
     assert told(machine.transport({}, 0, '/nowhere'))[-1][0] == FAULT
+
+
+def test_the_decoder_is_named_with_what_a_frame_costs(monkeypatch):
+    ((level, text),) = told(machine.decoding(320, 240))
+    assert (level, decoders.JPEG_DECODER) == (OK, 'simplejpeg')
+    assert re.search(r'JPEG decoder: simplejpeg, [0-9.]+ ms for a frame of 320 x 240', text)
+    monkeypatch.setattr(decoders, 'REMEDY', 'pip install simplejpeg')
+    assert told(machine.decoding(320, 240))[0][0] == WARNING
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from binopos_ros.detection import DetectionError, Detector, JpegImage, RawImage, decode
-from binopos_ros.detection import images as images_module
+from binopos_ros.detection import DetectionError, Detector, JpegImage, RawImage, decode, decoders
 from binopos_ros.detection.images import ColourFrame
 
 CENTRE, AXES = (151.3, 122.6), (31.0, 24.0)
@@ -173,7 +172,7 @@ def test_a_png_that_promises_too_much_is_refused_before_it_is_unpacked(picture):
 def test_both_jpeg_decoders_find_the_same_centre(picture, quality, monkeypatch):
     data = cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
     first = Detector().detect(JpegImage(data))
-    monkeypatch.setattr(images_module, 'simplejpeg', None)
+    monkeypatch.setattr(decoders, 'simplejpeg', None)
     second = Detector().detect(JpegImage(data))
     assert first.target.centre == pytest.approx(CENTRE, abs=0.06)
     assert second.target.centre == pytest.approx(first.target.centre, abs=0.02)
