@@ -20,11 +20,13 @@ from binopos_ros.parameters import (
     refuse_unknown,
     specs_of,
 )
+from binopos_ros.platform import FixedFrameOptions
 from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 from binopos_ros.triangulation.options import TriangulatorOptions
 
 NAMESPACE = '/stereo'
-#: Node -> the options that it declares; beside its own, the smoother takes those of its filter.
+#: Node -> the options that it declares; beside its own, the smoother takes those of the moving
+#: robot and of its filter.
 OPTIONS: Mapping[str, type | None] = {
     'camera': CaptureOptions,
     'detector': DetectorOptions,
@@ -187,13 +189,13 @@ def _through_surface(triangulator: Mapping[str, Any]) -> bool:
 
 
 def options_types(name: str, method: str | None = None) -> list[type]:
-    """The options that a node declares; the smoother's are its own and those of its filter."""
+    """The options that a node declares; the smoother's are in three parts."""
     own = OPTIONS[name]
     if own is None:
         return []
     if name != 'smoother':
         return [own]
-    return [own, filter_options_type(method or specs_of(own)['method'].default)]
+    return [own, FixedFrameOptions, filter_options_type(method or specs_of(own)['method'].default)]
 
 
 def _specs(name: str, method: Entry) -> dict[str, ParameterSpec]:

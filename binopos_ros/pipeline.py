@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,9 +10,10 @@ from typing import Any
 from binopos_ros.detection import DetectionError, DetectorOptions, Frame
 from binopos_ros.detection.stage import CameraStage
 from binopos_ros.optics import CameraInfo
-from binopos_ros.parameters import build
+from binopos_ros.parameters import build, specs_of
+from binopos_ros.platform import FixedFrameOptions, Platform, WaitingRoom
 from binopos_ros.sides import SIDES
-from binopos_ros.smoothing.stage import Pose, make_smoother
+from binopos_ros.smoothing.stage import Pose, Smoother, make_smoother
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
 
@@ -26,10 +28,14 @@ class Seen:
 
 @dataclass(frozen=True)
 class Located:
-    """The target's position from one pair, and the filtered pose at its stamp, if there is one."""
+    """The target's position from one pair, and the filtered pose at its stamp, if there is one.
+
+    `frame_id` is the pose's frame: that of the position, or the fixed one.
+    """
 
     position: Position
     pose: Pose | None
+    frame_id: str
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,22 @@ class Pipeline:
         detection = build(DetectorOptions, parameters['detector'])
         self._cameras = {side: CameraStage(detection) for side in SIDES}
         self._triangulator = Triangulator(build(TriangulatorOptions, parameters['triangulator']))
-        self._smoother = make_smoother(parameters['smoother'])
+        self._platform, self._smoother = make_smoothing(parameters['smoother'])
+        own = self._platform.options.platform
+        # Nobody waits here: what comes after a gap is of no use.
+        self._waiting: WaitingRoom[Position] = WaitingRoom(
+            self._platform, max(own.timeout, own.max_gap)
+        )
+
+    @property
+    def fixed_frame(self) -> str:
+        """Frame of the poses; '': that of the rig."""
+        return self._platform.options.fixed_frame
+
+    @property
+    def platform_source(self) -> str:
+        """Where the robot's pose has to come from: 'none', 'tf' or 'odometry'."""
+        return self._platform.options.platform.source if self._platform.active else 'none'
 
     def set_camera(self, side: str, info: CameraInfo) -> None:
         """Take a camera's calibration.
@@ -80,6 +101,7 @@ class Pipeline:
             frame_id: of the image.
             decoded: the result of `detection.stage.try_decode`.
         """
+        yield from self._smooth_ready(stamp)
         detection = self._cameras[side].detect(stamp, decoded)
         if detection.target is None:
             yield Dropped(stamp, f'{side}: {detection.reason}')
@@ -89,18 +111,73 @@ class Pipeline:
         yield Seen(side, centroid)
         yield from self._smooth(self._triangulator.add(side, centroid))
 
+    def add_transform(
+        self, transform: tuple[int, str, str, Any, Any], static: bool
+    ) -> Iterator[Event]:
+        """Take a transform in: stamp (ns), parent, child, translation (m), quaternion."""
+        reason = self._platform.tree.add(*transform, static=static)
+        if reason:
+            yield Dropped(transform[0], f'platform: {reason}')
+        elif not static:
+            yield from self._smooth_ready(transform[0])
+
+    def add_odometry(
+        self, stamp: int, frames: tuple[str, str], pose: tuple[Any, Any], covariance: Any
+    ) -> Iterator[Event]:
+        """Take the robot's pose in: fixed and child frame, position (m) and quaternion, (6, 6)."""
+        reason = self._platform.odometry.add(stamp, *frames, *pose, covariance)
+        if reason:
+            yield Dropped(stamp, f'platform: {reason}')
+        yield from self._smooth_ready(stamp)
+
     def flush(self) -> Iterator[Event]:
         """Give up on what still waits, at the end of a recording."""
         yield from self._smooth(self._triangulator.flush())
+        yield from self._smooth_placed(math.inf)
 
     def _smooth(self, results: Iterable[Position | Drop]) -> Iterator[Event]:
         for result in results:
             if isinstance(result, Drop):
                 yield Dropped(result.stamp, result.reason)
                 continue
+            if self._platform.active:
+                self._waiting.add(result, result.stamp, result.frame_id, result.stamp * 1e-9)
+                yield from self._smooth_ready(result.stamp)
+                continue
             pose, reason = self._smoother.add(
                 result.stamp, result.point, result.covariance, result.systematic, result.medium
             )
-            yield Located(result, pose)
+            yield Located(result, pose, result.frame_id)
             if reason:
                 yield Dropped(result.stamp, f'smoother: {reason}')
+
+    def _smooth_ready(self, stamp: int) -> Iterator[Event]:
+        """Smooth what has waited for the robot's pose until this stamp (ns)."""
+        if self._platform.active:
+            yield from self._smooth_placed(stamp * 1e-9)
+
+    def _smooth_placed(self, now: float) -> Iterator[Event]:
+        for position, rig in self._waiting.ready(now):
+            if isinstance(rig, str):
+                yield Located(position, None, self._platform.options.fixed_frame)
+                yield Dropped(position.stamp, f'smoother: {rig}')
+                continue
+            placed = rig.carry(
+                position.point, position.covariance, position.systematic, position.medium
+            )
+            pose, reason = self._smoother.add(position.stamp, *placed)
+            yield Located(position, pose, self._platform.options.fixed_frame)
+            if reason:
+                yield Dropped(position.stamp, f'smoother: {reason}')
+
+
+def make_smoothing(values: Mapping[str, Any]) -> tuple[Platform, Smoother]:
+    """The platform and the smoothing stage from the flat parameter values of the smoother.
+
+    Raises:
+        ParameterError, PlatformError, SmoothingError: the values cannot be used.
+    """
+    fixed = specs_of(FixedFrameOptions)
+    options = build(FixedFrameOptions, {k: v for k, v in values.items() if k in fixed})
+    smoother = make_smoother({k: v for k, v in values.items() if k not in fixed})
+    return Platform(options), smoother

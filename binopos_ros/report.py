@@ -59,6 +59,8 @@ class Report:
     raw: Track = field(default_factory=Track)
     filtered: Track = field(default_factory=Track)
     truth: Track = field(default_factory=Track)
+    fixed_truth: Track = field(default_factory=Track)
+    fixed_frame: str = ''
     images: Counter[str] = field(default_factory=Counter)
     parameters: Sequence[str] = ()
     notes: Counter[str] = field(default_factory=Counter)
@@ -107,12 +109,19 @@ class Report:
             median, high = np.percentile(self.latencies, [50, 99]) * MILLI
             rows.append(('latency from stamp to pose, median', f'{median:.1f} ms'))
             rows.append(('latency from stamp to pose, 99th percentile', f'{high:.1f} ms'))
-        for name, track in (('target/position', self.raw), ('target/pose', self.filtered)):
-            errors = track.errors(self.truth)
+        fixed = bool(self.fixed_frame)
+        truth = self.fixed_truth if fixed else self.truth
+        for name, errors in (
+            ('target/position', self.raw.errors(self.truth)),
+            ('target/pose', self.filtered.errors(truth)),
+        ):
             if len(errors):
                 rows.append((f'error of {name} against truth, RMS', _rms_text(errors)))
-        if not self.truth.stamps:
-            rows.append(('error against truth', 'the bag holds no truth/pose'))
+        if not truth.stamps:
+            name = 'truth/fixed_pose' if fixed else 'truth/pose'
+            rows.append(('error against truth', f'the bag holds no {name}'))
+        if fixed:
+            rows.append(('frame of target/pose', self.fixed_frame))
         width = max(len(name) for name, _ in rows)
         return '\n'.join(f'  {name:<{width}}  {value}' for name, value in rows)
 

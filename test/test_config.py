@@ -12,6 +12,7 @@ from binopos_ros.capture.options import CaptureOptions
 from binopos_ros.detection import DetectorOptions
 from binopos_ros.node_options import Parameters
 from binopos_ros.parameters import build, specs_of
+from binopos_ros.platform import FixedFrameOptions
 from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 from binopos_ros.triangulation.options import TriangulatorOptions
 
@@ -19,7 +20,7 @@ OPTIONS = {
     'camera': [CaptureOptions],
     'detector': [DetectorOptions],
     'triangulator': [TriangulatorOptions],
-    'smoother': [SmootherOptions, filter_options_type('cloud-kalman')],
+    'smoother': [SmootherOptions, FixedFrameOptions, filter_options_type('cloud-kalman')],
     'player': [PlayerOptions],
     'recorder': [RecorderOptions],
 }
@@ -40,7 +41,7 @@ def test_every_parameter_stands_there_with_its_default(path, node):
     assert set(values) == set(specs) - unset
     for name, value in values.items():
         default = specs[name].default
-        assert value == (list(default) if isinstance(default, tuple) else default), name
+        assert value == default, name
 
 
 def test_parameters_without_a_default_stand_there_as_comments(path):

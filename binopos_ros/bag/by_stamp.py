@@ -7,11 +7,11 @@ than the order of the file.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 
 from binopos_ros.bag.errors import BagError
-from binopos_ros.bag.messages import serialized_stamp
+from binopos_ros.bag.messages import serialized_stamp, serialized_transform_stamp
 from binopos_ros.bag.reader import BagReader
 from binopos_ros.bag.records import Record
 from binopos_ros.bag.rig_topics import RigTopics
@@ -55,21 +55,61 @@ class _Stream:
         self.place, self._logged = stamp + self._shift, logged
 
 
+class _Robot:
+    """The records of a robot's motion in the order of the file, by their stamps.
+
+    Some transforms are stamped ahead of their time, so that nobody waits for them; these come by
+    the time of logging.
+    """
+
+    def __init__(
+        self, records: Iterator[Record], stamp_of: dict[str, Callable[[bytes], int]]
+    ) -> None:
+        self._records = records
+        self._stamp_of = stamp_of
+        self.place = 0
+        self.head: Record | None = None
+        self.advance()
+
+    def advance(self) -> None:
+        """Go on to the next record."""
+        self.head = next(self._records, None)
+        if self.head is not None:
+            self.place = self.head.stamp_ns
+            with suppress(BagError):
+                stamp = self._stamp_of[self.head.topic](self.head.data)
+                self.place = min(self.place, stamp)
+
+
 def by_stamp(reader: BagReader, topics: RigTopics) -> Iterator[Record]:
     """The rig's messages by the stamps of its images, left first where equal.
 
-    The others stay before the image that they precede in the file.
+    The others stay before the image that they precede in the file. How the robot moves comes by
+    its own stamps, after an image of the same; what of it is static comes first of all.
     """
     images = {side: topics.of('image', side) for side in SIDES}
-    if images['left'] == images['right']:
-        # Views that lie side by side cannot part.
-        yield from reader.messages(topics.roles)
-        return
     of_side: dict[str, list[str]] = {side: [] for side in SIDES}
+    robot: dict[str, Callable[[bytes], int]] = {}
+    static = []
     for topic, role in topics.roles.items():
-        # The truth is of no camera.
-        of_side[role.side or 'left'].append(topic)
-    streams = [_Stream(reader.messages(of_side[side]), images[side]) for side in SIDES]
+        if role.kind == 'static transforms':
+            static.append(topic)
+        elif role.kind == 'transforms':
+            robot[topic] = serialized_transform_stamp
+        elif role.kind == 'odometry':
+            robot[topic] = serialized_stamp
+        else:
+            # The truth is of no camera, and views that lie side by side cannot part.
+            of_side['left' if role.side not in SIDES else role.side].append(topic)
+    if static:
+        yield from reader.messages(static)
+    if images['left'] == images['right']:
+        of_side = {'left': of_side['left'] + of_side['right'], 'right': []}
+    streams: list[_Stream | _Robot] = [
+        _Stream(reader.messages(of_side[side]), images[side]) for side in SIDES if of_side[side]
+    ]
+    if robot:
+        streams.append(_Robot(reader.messages(robot), robot))
     while waiting := [stream for stream in streams if stream.head is not None]:
         stream = min(waiting, key=lambda each: each.place)
         assert stream.head is not None

@@ -24,6 +24,10 @@ POSE_WITH_COVARIANCE = 'geometry_msgs/msg/PoseWithCovarianceStamped'
 POSE = 'geometry_msgs/msg/PoseStamped'
 VECTOR3 = 'geometry_msgs/msg/Vector3Stamped'
 ODOMETRY = 'nav_msgs/msg/Odometry'
+TF = 'tf2_msgs/msg/TFMessage'
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
 
 #: Bytes of the encapsulation and of the stamp in a serialised header.
 STAMP_END = 12
@@ -49,6 +53,19 @@ def serialized_stamp(data: bytes) -> int:
     order = '<' if data[1] & 1 else '>'
     seconds, nanoseconds = struct.unpack_from(f'{order}iI', data, STAMP_END - 8)
     return int(seconds * _SECOND + nanoseconds)
+
+
+def serialized_transform_stamp(data: bytes) -> int:
+    """Nanoseconds of the first stamp in a serialised TFMessage.
+
+    Raises:
+        BagError: it holds no transform.
+    """
+    # The sequence's length stands where a header has its stamp, and the first header after it.
+    if len(data) < 2 * STAMP_END - 8 or data[4:8] == bytes(4):
+        message = 'message without a transform'
+        raise BagError(message)
+    return serialized_stamp(data[:4] + data[8:])
 
 
 def compressed_image(stamp_ns: int, frame_id: str, data: bytes, format: str = 'jpeg') -> Any:
@@ -147,6 +164,61 @@ def odometry(
     )
 
 
+def robot_odometry(
+    stamp_ns: int,
+    frames: tuple[str, str],
+    position: ArrayLike,
+    rotation: ArrayLike,
+    covariance: ArrayLike,
+) -> Any:
+    """A robot's pose: fixed and child frame, m, quaternion, covariance (6, 6) of both."""
+    message = odometry(stamp_ns, frames[0], position, (0, 0, 0), np.zeros((6, 6)), frames[1])
+    message.pose.pose.orientation = _quaternion(rotation)
+    message.pose.covariance = _covariance(covariance)
+    return message
+
+
+def transforms(stamp_ns: int, *each: tuple[str, str, ArrayLike, ArrayLike]) -> Any:
+    """Transforms of one stamp: parent and child frame, translation (m), quaternion."""
+    made = [
+        _make(
+            'geometry_msgs/msg/TransformStamped',
+            header=_header(stamp_ns, parent),
+            child_frame_id=child,
+            transform=_make(
+                'geometry_msgs/msg/Transform',
+                translation=_vector(translation),
+                rotation=_quaternion(rotation),
+            ),
+        )
+        for parent, child, translation, rotation in each
+    ]
+    return _make(TF, transforms=made)
+
+
+def transforms_of(message: Any) -> list[tuple[int, str, str, Vector, Quaternion]]:
+    """Stamp (ns), parent, child, translation (m) and quaternion of each in a TFMessage."""
+    told = []
+    for each in message.transforms:
+        place, turn = each.transform.translation, each.transform.rotation
+        told.append(
+            (
+                stamp_of(each),
+                str(each.header.frame_id),
+                str(each.child_frame_id),
+                (place.x, place.y, place.z),
+                (turn.x, turn.y, turn.z, turn.w),
+            )
+        )
+    return told
+
+
+def orientation_of(message: Any) -> Quaternion:
+    """Quaternion x, y, z, w of a PoseWithCovarianceStamped or an Odometry."""
+    turn = message.pose.pose.orientation
+    return turn.x, turn.y, turn.z, turn.w
+
+
 def position_of(message: Any) -> NDArray[np.float64]:
     """Position (3,) of a PoseStamped, a PoseWithCovarianceStamped or an Odometry."""
     inner = message.pose.pose if hasattr(message.pose, 'pose') else message.pose
@@ -184,8 +256,13 @@ def _pose(position: ArrayLike) -> Any:
     return _make(
         'geometry_msgs/msg/Pose',
         position=_make('geometry_msgs/msg/Point', x=x, y=y, z=z),
-        orientation=_make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=0.0, w=1.0),
+        orientation=_quaternion((0.0, 0.0, 0.0, 1.0)),
     )
+
+
+def _quaternion(rotation: ArrayLike) -> Any:
+    x, y, z, w = (float(value) for value in np.asarray(rotation, dtype=float))
+    return _make('geometry_msgs/msg/Quaternion', x=x, y=y, z=z, w=w)
 
 
 def _vector(vector: ArrayLike) -> Any:

@@ -32,6 +32,12 @@ BOTH = 'both'
 NAMESPACE = '/stereo'
 SUFFIXES = {'compressed': 'image_raw/compressed', 'raw': 'image_raw', 'camera_info': 'camera_info'}
 TRUTH = 'truth/pose'
+#: The truth in the frame in which the robot moves, and how it moves.
+FIXED_TRUTH = 'truth/fixed_pose'
+PLATFORM_ODOMETRY = 'platform/odometry'
+#: Names, by kind, of what is of no camera.
+OF_NO_CAMERA = {'truth': TRUTH, 'fixed truth': FIXED_TRUTH, 'odometry': PLATFORM_ODOMETRY}
+TF_NAMES = {'transforms': '/tf', 'static transforms': '/tf_static'}
 KINDS = {COMPRESSED_IMAGE: 'compressed', IMAGE: 'raw'}
 POSES = (POSE_WITH_COVARIANCE, POSE, ODOMETRY)
 
@@ -69,7 +75,7 @@ class TopicChoice:
 class Role(NamedTuple):
     """What a topic is to the rig."""
 
-    kind: str  #: 'compressed', 'raw', 'camera_info' or 'truth'
+    kind: str  #: 'compressed', 'raw', 'camera_info', or one of OF_NO_CAMERA and TF_NAMES
     side: str  #: 'left', 'right', BOTH, or '' for what is of no camera
 
     @property
@@ -97,8 +103,10 @@ class RigTopics:
     def name_of(self, topic: str, side: str = '') -> str:
         """The contract's name for a topic of the rig; `side` of one half of a side-by-side one."""
         role = self.roles[topic]
-        if role.kind == 'truth':
-            return f'{self.namespace}/{TRUTH}'
+        if role.kind in TF_NAMES:
+            return TF_NAMES[role.kind]
+        if role.kind in OF_NO_CAMERA:
+            return f'{self.namespace}/{OF_NO_CAMERA[role.kind]}'
         return f'{self.namespace}/{side or role.side}/{SUFFIXES[role.kind]}'
 
     def of(self, kind: str, side: str) -> list[str]:
@@ -263,10 +271,12 @@ class _Search:
                 'pictures are rectified: their cameras are P of camera_info, without distortion, '
                 "and the rig's frame is that of the rectified left picture"
             )
-        truth = f'{namespace}/{TRUTH}'
-        if truth in self.topics:
+        for kind in ('truth', 'fixed truth'):
+            truth = f'{namespace}/{OF_NO_CAMERA[kind]}'
+            if truth not in self.topics:
+                continue
             if self.topics[truth].type in POSES:
-                roles[self.in_bag[truth]] = Role('truth', '')
+                roles[self.in_bag[truth]] = Role(kind, '')
             else:
                 notes.append(f'{truth} holds {self.topics[truth].type}, no poses: left out')
         return RigTopics(namespace, roles, rectified, tuple(notes))

@@ -63,9 +63,12 @@ class Output:
             return
         state = event.pose.state
         covariance = messages.pose_covariance(state.covariance[:3, :3])
-        self._pose('target/pose', position, state.position, covariance)
+        pose = messages.pose_with_covariance(
+            position.stamp, event.frame_id, state.position, covariance
+        )
+        self._write('target/pose', position.stamp, pose)
         odometry = messages.odometry(
-            position.stamp, position.frame_id, state.position, state.velocity, state.covariance
+            position.stamp, event.frame_id, state.position, state.velocity, state.covariance
         )
         self._write('target/odometry', position.stamp, odometry)
 

@@ -11,10 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import Any, NamedTuple, TextIO
 
 from binopos_ros.bag import BagError, BagReader, BagWriter, messages
 from binopos_ros.bag.by_stamp import by_stamp
+from binopos_ros.bag.platform_topics import TYPES, with_platform
 from binopos_ros.bag.rig_topics import BOTH, RigTopics
 from binopos_ros.cli.config import (
     STAGES,
@@ -58,6 +59,14 @@ class _Calibration(NamedTuple):
     info: CameraInfo
 
 
+class _Motion(NamedTuple):
+    kind: str
+    message: Any
+
+
+_Item = _Images | _Calibration | _Motion
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
     parser.add_argument('bag', type=Path, metavar='BAG', help='bag of a stereo rig')
@@ -83,7 +92,10 @@ def main(arguments: argparse.Namespace) -> int:
             report.note(note)
         parameters = parameters_of(arguments, arguments.bag, topics.namespace or '/')
         report.parameters = told_sources(arguments, parameters)
-        pipeline = Pipeline({name: parameters.of_node(name) for name in STAGES})
+        values = {name: parameters.of_node(name) for name in STAGES}
+        pipeline = Pipeline(values)
+        report.fixed_frame = pipeline.fixed_frame
+        topics = with_platform(topics, reader, pipeline.platform_source, arguments.remap)
         for side in SIDES:
             info = calibration.get(side) or next(calibrations(reader, topics, side))
             pipeline.set_camera(side, info)
@@ -139,7 +151,7 @@ def _events(
     tick: Callable[[], None],
 ) -> Iterator[Event]:
     """Everything the bag leads to, by its stamps, with the images decoded ahead in threads."""
-    waiting: deque[_Images | _Calibration] = deque()
+    waiting: deque[_Item] = deque()
     calibrations: dict[str, bytes] = {}
     for record in by_stamp(reader, topics):
         tick()
@@ -157,6 +169,10 @@ def _events(
             continue
         if role.kind == 'truth':
             report.truth.add(messages.stamp_of(message), messages.position_of(message))
+        elif role.kind == 'fixed truth':
+            report.fixed_truth.add(messages.stamp_of(message), messages.position_of(message))
+        elif role.kind in TYPES:
+            waiting.append(_Motion(role.kind, message))
         elif role.kind == 'camera_info':
             try:
                 info = camera_info_of(message, role.side, rectified=topics.rectified)
@@ -180,12 +196,30 @@ def _events(
     yield from pipeline.flush()
 
 
-def _finish(item: _Images | _Calibration, pipeline: Pipeline) -> Iterator[Event]:
+def _finish(item: _Item, pipeline: Pipeline) -> Iterator[Event]:
     if isinstance(item, _Calibration):
         pipeline.set_camera(item.side, item.info)
         return
+    if isinstance(item, _Motion):
+        yield from _moved(item, pipeline)
+        return
     for side, decoded in zip(item.sides, item.decoded.result(), strict=True):
         yield from pipeline.add(side, item.stamp, item.frame_id, decoded)
+
+
+def _moved(item: _Motion, pipeline: Pipeline) -> Iterator[Event]:
+    """Tell the pipeline how the robot moves."""
+    message = item.message
+    if item.kind == 'odometry':
+        yield from pipeline.add_odometry(
+            messages.stamp_of(message),
+            (str(message.header.frame_id), str(message.child_frame_id)),
+            (messages.position_of(message).tolist(), messages.orientation_of(message)),
+            messages.covariance_of(message),
+        )
+        return
+    for transform in messages.transforms_of(message):
+        yield from pipeline.add_transform(transform, static=item.kind == 'static transforms')
 
 
 def _decoded(image: JpegImage | RawImage, views: int) -> Sequence[Frame | DetectionError]:

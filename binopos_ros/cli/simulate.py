@@ -11,6 +11,7 @@ from binopos_ros.cli.progress import progress
 from binopos_ros.cli.simulated_bag import record
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.presets import PRESETS, Choices, in_air, with_board
+from binopos_ros.simulation.rig_motion import MOTIONS, Odometer
 from binopos_ros.simulation.target import PATHS
 
 HELP = 'render a scene with known truth to a bag'
@@ -21,6 +22,7 @@ examples:
   binopos simulate -o rough --waves 0.001 --still   a still target under waves of 1 mm
   binopos simulate -o brine --salt 1.37             salt at the bottom of the bowl
   binopos simulate -o robot --preset ports          a robot's cameras behind glass ports
+  binopos simulate -o reef --preset ports --still --motion hover    ... which hovers
   binopos simulate -o dry --board 9x6 --air --pairs 40 --rate 2    boards for calibrate stereo
   binopos simulate -o wet --board 9x6 --pairs 15 --rate 2          ... and calibrate interface
 
@@ -117,6 +119,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     target.add_argument(
         '--distractors', type=int, metavar='N', help='coloured things that are not the target'
     )
+    robot = parser.add_argument_group('robot that carries the rig')
+    robot.add_argument(
+        '--motion',
+        choices=MOTIONS,
+        help='how it moves: hover by 7 cm and 5 degrees, along a survey line, or turning to and '
+        'fro; its poses are on /stereo/platform/odometry, /tf and /tf_static, and the truth in '
+        'the frame odom on /stereo/truth/fixed_pose (default: nothing moves)',
+    )
+    robot.add_argument(
+        '--odometry-noise',
+        type=float,
+        nargs=2,
+        metavar=('M', 'DEGREES'),
+        help='standard deviations of its odometry along and about each axis (default: 0.002 0.1)',
+    )
+    robot.add_argument(
+        '--odometry-rate', type=float, metavar='HZ', help='samples per second (default: 50)'
+    )
     boards = parser.add_argument_group('calibration boards')
     boards.add_argument(
         '--board',
@@ -189,6 +209,8 @@ def main(arguments: argparse.Namespace) -> int:
             period=arguments.period,
             swing=None if arguments.swing is None else math.radians(arguments.swing),
             swing_period=arguments.swing_period,
+            motion=arguments.motion,
+            odometer=_odometer(arguments),
             diameter=arguments.diameter,
             distractors=arguments.distractors,
             noise=arguments.noise,
@@ -220,13 +242,28 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _refuse_contradictions(arguments: argparse.Namespace) -> None:
     for chosen, without in (
-        ('board', ('path', 'period', 'diameter', 'swing')),
+        ('board', ('path', 'period', 'diameter', 'swing', 'motion')),
         ('air', ('waves', 'wave_peak', 'salt')),
     ):
         for name in without if getattr(arguments, chosen) else ():
             if getattr(arguments, name) is not None:
                 msg = f'--{chosen} has no {name.replace("_", " ")}: leave one of the two out'
                 raise SimulationError(msg)
+
+
+def _odometer(arguments: argparse.Namespace) -> Odometer:
+    if arguments.motion is None:
+        for name in ('odometry_noise', 'odometry_rate'):
+            if getattr(arguments, name) is not None:
+                msg = f'--{name.replace("_", "-")} is of a robot: give --motion too'
+                raise SimulationError(msg)
+    given = {}
+    if arguments.odometry_noise is not None:
+        given['position_std'] = arguments.odometry_noise[0]
+        given['rotation_std'] = math.radians(arguments.odometry_noise[1])
+    if arguments.odometry_rate is not None:
+        given['rate'] = arguments.odometry_rate
+    return Odometer(**given)
 
 
 def _board(arguments: argparse.Namespace) -> Board | None:

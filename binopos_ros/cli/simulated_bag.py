@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.bag import BagWriter, messages
+from binopos_ros.cli.simulated_platform import SimulatedPlatform
 from binopos_ros.optics import CameraInfo
 from binopos_ros.optics.rig_files import camera_infos_from_stereo
+from binopos_ros.platform.quaternions import quaternion_of
 from binopos_ros.sides import SIDES
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.parameters import write_calibration
 from binopos_ros.simulation.pictures import encoded_pairs
+from binopos_ros.simulation.rig_motion import SeenFromRobot
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.sensor import bytes_per_pixel
 
@@ -22,6 +25,8 @@ Array = NDArray[np.float64]
 
 NAMESPACE = '/stereo'
 FRAMES = ('left_camera_optical_frame', 'right_camera_optical_frame')
+#: Part of the seed that is the odometry's.
+ODOMETRY = 99
 #: Stamp of the first pair, ns: a fixed moment, so that the same scene gives the same bytes.
 START_NS = 1_700_000_000 * 10**9
 
@@ -39,7 +44,9 @@ def record(
     """Render pairs of a scene into a new bag.
 
     Topics under /stereo: `left/` and `right/` with `image_raw/compressed` (or `image_raw`) and
-    `camera_info`, and `truth/pose`, the target's place in the rig's frame, covariance zero.
+    `camera_info`, and `truth/pose`, the target's place in the rig's frame, covariance zero. Where
+    a robot carries the rig, `platform/odometry` and `truth/fixed_pose` too, and `/tf` and
+    `/tf_static`.
     Beside the messages lie `binopos.yaml`, `left.yaml` and `right.yaml`: the interface and the
     calibration, as the nodes take them.
 
@@ -67,7 +74,7 @@ def record(
     times = scene.times(pairs)
     stamps = START_NS + np.rint(times * 1e9).astype(np.int64)
     positions = scene.path.poses(times)[0]
-    quaternions = [_quaternion(rotation) for rotation in scene.target_rotations(times)]
+    quaternions = [quaternion_of(rotation) for rotation in scene.target_rotations(times)]
     raw = scene.sensor.encoding != 'jpeg'
     picture_topic = 'image_raw' if raw else 'image_raw/compressed'
     picture_type = messages.IMAGE if raw else messages.COMPRESSED_IMAGE
@@ -76,9 +83,17 @@ def record(
             writer.add_topic(f'{NAMESPACE}/{side}/{picture_topic}', picture_type)
             writer.add_topic(f'{NAMESPACE}/{side}/camera_info', messages.CAMERA_INFO)
         writer.add_topic(f'{NAMESPACE}/truth/pose', messages.POSE_WITH_COVARIANCE)
+        robot = None
+        if isinstance(scene.path, SeenFromRobot):
+            rng = np.random.default_rng([seed, ODOMETRY])
+            robot = SimulatedPlatform(writer, NAMESPACE, scene.path, scene.odometer, stamps, rng)
+            robot.write_mounting(FRAMES, np.asarray(rig.rotation), np.asarray(rig.translation))
         write_calibration(scene, infos, Path(path))
         for number, pictures in enumerate(encoded_pairs(scene, pairs, seed, threads)):
             stamp = int(stamps[number])
+            if robot is not None:
+                robot.write_until(stamp)
+                robot.write_truth(number, stamp)
             for side, frame, info, data in zip(SIDES, FRAMES, infos, pictures, strict=True):
                 calibration = messages.camera_info(stamp, frame, info)
                 writer.write(f'{NAMESPACE}/{side}/camera_info', stamp, calibration)
@@ -91,6 +106,8 @@ def record(
             orientation.x, orientation.y, orientation.z, orientation.w = quaternions[number]
             writer.write(f'{NAMESPACE}/truth/pose', stamp, pose)
             on_pair()
+        if robot is not None:
+            robot.write_until(None)
 
 
 def _picture_message(
@@ -101,20 +118,3 @@ def _picture_message(
         return messages.compressed_image(stamp, frame, data)
     step = info.width * bytes_per_pixel(encoding)
     return messages.image(stamp, frame, data, (info.width, info.height), encoding, step)
-
-
-def _quaternion(rotation: Array) -> tuple[float, float, float, float]:
-    """x, y, z, w of a rotation (3, 3), with w >= 0.
-
-    Half the angle is taken from the sum and the skew part of the matrix; turns by nearly 180
-    degrees, where the skew part vanishes, take the axis from the largest column of R + R^T.
-    """
-    w = 0.5 * np.sqrt(max(1 + np.trace(rotation), 0.0))
-    if w > 1e-3:
-        skew = rotation - rotation.T
-        x, y, z = skew[2, 1] / (4 * w), skew[0, 2] / (4 * w), skew[1, 0] / (4 * w)
-    else:
-        columns = rotation + rotation.T + (1 - np.trace(rotation)) * np.eye(3)
-        axis = columns[:, np.argmax(np.diag(columns))]
-        x, y, z = axis * np.sqrt(max(1 - w * w, 0.0)) / np.linalg.norm(axis)
-    return float(x), float(y), float(z), float(w)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.duration import Duration
 from visualization_msgs.msg import Marker, MarkerArray
+
+from binopos_ros.platform.quaternions import quaternion_of
 
 #: Of the chi-square distribution with three degrees of freedom, the 95 % point.
 CHI_SQUARE_95 = 7.815
@@ -39,7 +39,7 @@ def target_markers(
     if np.linalg.det(axes) < 0:
         axes[:, 0] *= -1
     orientation = ellipsoid.pose.orientation
-    orientation.x, orientation.y, orientation.z, orientation.w = quaternion(axes)
+    orientation.x, orientation.y, orientation.z, orientation.w = quaternion_of(axes)
     lengths = 2 * np.sqrt(CHI_SQUARE_95 * np.clip(variances, 1e-12, None))
     ellipsoid.scale.x, ellipsoid.scale.y, ellipsoid.scale.z = (float(x) for x in lengths)
     ellipsoid.color.r, ellipsoid.color.g, ellipsoid.color.a = 1.0, 0.6, 0.7
@@ -49,27 +49,3 @@ def target_markers(
 def no_markers() -> MarkerArray:
     """What takes the target's markers away."""
     return MarkerArray(markers=[Marker(action=Marker.DELETEALL)])
-
-
-def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
-    """(x, y, z, w) of a rotation matrix (3, 3), by its largest component."""
-    r = rotation
-    squares = np.array(
-        [
-            1 + r[0, 0] - r[1, 1] - r[2, 2],
-            1 - r[0, 0] + r[1, 1] - r[2, 2],
-            1 - r[0, 0] - r[1, 1] + r[2, 2],
-            1 + r[0, 0] + r[1, 1] + r[2, 2],
-        ]
-    )
-    products = np.array(
-        [
-            [squares[0], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[2, 1] - r[1, 2]],
-            [r[0, 1] + r[1, 0], squares[1], r[1, 2] + r[2, 1], r[0, 2] - r[2, 0]],
-            [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], squares[2], r[1, 0] - r[0, 1]],
-            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], squares[3]],
-        ]
-    )
-    largest = int(np.argmax(squares))
-    x, y, z, w = (float(v) for v in products[largest] / (2 * math.sqrt(squares[largest])))
-    return x, y, z, w

@@ -7,6 +7,7 @@ from pathlib import Path
 from binopos_ros.optics import CameraInfo, write_camera_info
 from binopos_ros.optics.rig_files import interface_block, yaml_numbers
 from binopos_ros.sides import SIDES
+from binopos_ros.simulation.rig_motion import FIXED_FRAME, SeenFromRobot, mounting
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.target import Disc
 
@@ -21,7 +22,7 @@ def write_calibration(scene: Scene, infos: tuple[CameraInfo, CameraInfo], bag: P
 
 
 def parameter_file(scene: Scene) -> str:
-    """The triangulator's parameters for a scene, as ROS 2 parameter file."""
+    """The nodes' parameters for a scene, as ROS 2 parameter file."""
     rig = scene.rig
     lines = [
         '# What the cameras of this bag look through, and at. Made by `binopos simulate`.',
@@ -45,5 +46,15 @@ def parameter_file(scene: Scene) -> str:
             '    target:',
             f'      diameter: {scene.target.diameter!r}  # m',
             f'      normal: {yaml_numbers(normal)}  # rig frame, at the start',
+        ]
+    if isinstance(scene.path, SeenFromRobot):
+        lines += [
+            '# The robot that carries the cameras; without these, poses are in the rig frame.',
+            '/**/smoother:',
+            '  ros__parameters:',
+            f'    fixed_frame: {FIXED_FRAME}',
+            '    platform:',
+            '      source: odometry  # or tf: the bag has both',
+            f'      mounting: {yaml_numbers(mounting())}  # x, y, z in m, qx, qy, qz, qw',
         ]
     return '\n'.join(lines) + '\n'

@@ -14,9 +14,10 @@ from binopos_ros.simulation.backdrop import Basin, OpenWater, mottled, strew
 from binopos_ros.simulation.boards import Board, scatter
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.medium import Boundary, plane_axes
+from binopos_ros.simulation.rig_motion import Odometer, SeenFromRobot, rig_motion
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.sensor import Sensor
-from binopos_ros.simulation.target import Disc, HarmonicPath, SwungPath, harmonic_path
+from binopos_ros.simulation.target import Disc, HarmonicPath, Path, SwungPath, harmonic_path
 from binopos_ros.simulation.water import Water
 from binopos_ros.simulation.waves import waves_of_peak
 
@@ -49,6 +50,8 @@ class Choices:
         swing: amplitude of the rig's own swing about its vertical axis, rad; not before a surface,
             which would swing with it.
         swing_period: of that swing, s.
+        motion: of a robot that carries the rig, one of `rig_motion.MOTIONS`; not before a surface.
+        odometer: what that robot knows of its pose.
         diameter: of the disc, m.
         distractors: number of coloured things that are no target.
         noise, quality, blur, encoding: of the sensor.
@@ -63,6 +66,8 @@ class Choices:
     period: float | None = None
     swing: float | None = None
     swing_period: float = 1.0
+    motion: str | None = None
+    odometer: Odometer = dataclasses.field(default_factory=Odometer)
     diameter: float | None = None
     distractors: int | None = None
     noise: float | None = None
@@ -94,7 +99,7 @@ def _chosen(value: T | None, preset: T) -> T:
     return preset if value is None else value
 
 
-TEXTURES, WAVES, BOARDS = range(3)
+TEXTURES, WAVES, BOARDS, MOTION = range(4)
 
 
 def salt_gradient(
@@ -119,6 +124,9 @@ def washbowl(choices: Choices = Choices(), half_size: bool = False) -> Scene:  #
     """
     if choices.swing is not None:
         msg = 'a rig that swings over water moves the surface before it: swing one behind ports'
+        raise SimulationError(msg)
+    if choices.motion is not None:
+        msg = 'a robot takes the rig along, and leaves the surface: let it carry one behind ports'
         raise SimulationError(msg)
     focal, size, shrink = (600.0, (640, 480), 0.5) if half_size else (900.0, (1280, 960), 1.0)
     cameras = [
@@ -182,7 +190,13 @@ def _camera(
     return PinholeCamera(matrix, terms, size)
 
 
-def _swung(path: HarmonicPath, choices: Choices) -> HarmonicPath | SwungPath:
+def _seen(path: HarmonicPath, choices: Choices) -> Path:
+    """The path as the rig sees it that swings, or that a robot carries."""
+    if choices.motion is not None:
+        if choices.swing is not None:
+            msg = 'a rig that swings and one that a robot carries: leave one of the two out'
+            raise SimulationError(msg)
+        return SeenFromRobot(path, rig_motion(choices.motion, choices.rng(MOTION)))
     if choices.swing is None:
         return path
     return SwungPath(path, choices.swing, choices.swing_period)
@@ -240,10 +254,11 @@ def ports(choices: Choices = Choices()) -> Scene:  # noqa: B008
         rig=rig,
         water=water,
         backdrop=OpenWater(down, 0.75, bed, water),
-        path=_swung(path, choices),
+        path=_seen(path, choices),
         target=Disc(_chosen(choices.diameter, 0.08)),
         sensor=_sensor(choices, Sensor(exposure=2.3, blur=0.7)),
         rate=_chosen(choices.rate, 30.0),
+        odometer=choices.odometer,
     )
 
 

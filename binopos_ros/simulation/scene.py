@@ -13,6 +13,7 @@ from binopos_ros.simulation.backdrop import Backdrop
 from binopos_ros.simulation.boards import ShownBoard
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.medium import Rays, plane_axes
+from binopos_ros.simulation.rig_motion import Odometer
 from binopos_ros.simulation.sensor import Sensor
 from binopos_ros.simulation.target import Disc, Path
 from binopos_ros.simulation.view import View, views_of
@@ -34,6 +35,7 @@ class Scene:
         sensor: of both cameras.
         waves: on the rig's shared surface; None where it is calm.
         rate: pairs per second.
+        odometer: of the robot that carries the rig, where the path is one seen from a robot.
     """
 
     rig: StereoRig
@@ -44,6 +46,7 @@ class Scene:
     sensor: Sensor = dataclasses.field(default_factory=Sensor)
     waves: WaveField | None = None
     rate: float = 30.0
+    odometer: Odometer = dataclasses.field(default_factory=Odometer)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.rate) and self.rate > 0):

@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from binopos_ros.bag import BagError, BagReader, messages
 from binopos_ros.calibration.views.board import Board
-from binopos_ros.cli.simulated_bag import START_NS, _quaternion, record
+from binopos_ros.cli.simulated_bag import START_NS, record
 from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.optics.rig_files import camera_infos_from_stereo
+from binopos_ros.platform.quaternions import quaternion_of
 from binopos_ros.simulation import PRESETS, Choices, Renderer, SimulationError
 from binopos_ros.simulation.parameters import parameter_file
 from binopos_ros.simulation.presets import in_air, with_board
@@ -101,7 +102,7 @@ def test_the_truth_is_oriented_as_the_target_is(tmp_path: Path) -> None:
     turns = Rotation.random(200, random_state=rng).as_matrix()
     half = Rotation.from_rotvec(np.pi * np.array([[1, 0, 0], [0, 0.6, 0.8]])).as_matrix()
     for turn in (*turns, *half, np.eye(3)):
-        found = Rotation.from_quat(_quaternion(turn)).as_matrix()
+        found = Rotation.from_quat(quaternion_of(turn)).as_matrix()
         np.testing.assert_allclose(found, turn, atol=1e-9)
 
 

@@ -41,6 +41,8 @@ def test_it_writes_a_bag_and_says_so(tmp_path: Path, capsys: pytest.CaptureFixtu
         (['--threads', '0'], '0 threads'),
         (['--wave-peak', '40', '--waves', '0.001'], '40.0 Hz'),
         (['--swing', '5'], 'swing one behind ports'),
+        (['--motion', 'hover'], 'let it carry one behind ports'),
+        (['--odometry-rate', '20'], 'give --motion too'),
         (['--preset', 'ports', '--swing', '90'], '90 degrees'),
         (['--preset', 'ports', '--swing', '5', '--swing-period', '0'], '0.0 s'),
         (['--board', '9x6', '--still'], '--board has no path'),

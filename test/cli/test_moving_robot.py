@@ -1,0 +1,185 @@
+"""A rig that a robot carries, from images to the pose in the fixed frame."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from binopos_ros.bag import BagReader, BagWriter
+from binopos_ros.bag.messages import position_of, serialized_stamp, stamp_of, transforms
+from binopos_ros.cli.simulated_bag import START_NS
+
+pytestmark = pytest.mark.xdist_group('moving_robot')
+
+PAIRS = 40
+ODOMETRY = '/stereo/platform/odometry'
+#: The simulated odometry's own, in radians.
+KNOWN = ('platform.position_std:=0.002', 'platform.rotation_std:=0.0017453')
+
+
+def binopos(*words: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, '-m', 'binopos_ros', *map(str, words)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=240,
+    )
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A target at rest, seen from a robot that hovers a metre before it."""
+    folder = tmp_path_factory.mktemp('hover') / 'bag'
+    done = binopos(
+        *('simulate', '-o', folder, '--preset', 'ports', '--still', '--motion', 'hover'),
+        *('--pairs', PAIRS, '--seed', 3, '--distractors', 0),
+    )
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def process(
+    bag: Path, out: Path, *values: str, words: tuple[object, ...] = ()
+) -> tuple[dict[int, dict[str, str]], str]:
+    """The rows by stamp that `process` writes with parameters of the smoother, and its report."""
+    out.mkdir(exist_ok=True)
+    parameters = [word for value in values for word in ('-p', f'smoother:{value}')]
+    done = binopos(
+        *('process', bag, '-o', out / 'out.mcap', '--csv', out / 'out.csv', *words),
+        *(['--ros-args', *parameters] if parameters else []),
+    )
+    assert done.returncode == 0, done.stderr
+    with (out / 'out.csv').open(newline='') as stream:
+        rows = {int(row['stamp'].replace('.', '')): row for row in csv.DictReader(stream)}
+    return rows, done.stdout
+
+
+def places(rows: dict[int, dict[str, str]]) -> np.ndarray:
+    return np.array([[float(row[axis] or 'nan') for axis in 'xyz'] for row in rows.values()])
+
+
+def edited(bag: Path, folder: Path, topic: str, keep) -> Path:
+    """The bag with those messages of a topic that `keep`, called with their stamps, is true of."""
+    folder.mkdir()
+    with BagReader(bag) as reader, BagWriter(folder / 'bag') as writer:
+        for name, info in reader.topics.items():
+            writer.add_topic(name, info.type, qos=tuple(info.qos))
+        for record in reader.messages():
+            if record.topic != topic or keep(serialized_stamp(record.data)):
+                writer.write(record.topic, record.stamp_ns, record.data)
+    (folder / 'bag' / 'binopos.yaml').write_text((bag / 'binopos.yaml').read_text())
+    return folder / 'bag'
+
+
+def test_transforms_and_odometry_give_the_same_poses_in_the_fixed_frame(bag, tmp_path):
+    by_odometry, report = process(bag, tmp_path / 'odometry', *KNOWN)
+    by_tf, _ = process(bag, tmp_path / 'tf', 'platform.source:=tf', *KNOWN)
+    assert len(by_odometry) == PAIRS
+    np.testing.assert_allclose(places(by_odometry), places(by_tf), atol=1e-6)
+    assert 'frame of target/pose' in report
+    with BagReader(tmp_path / 'tf' / 'out.mcap') as reader:
+        poses = [
+            reader.decode(each)
+            for each in reader.messages(['/stereo/target/pose', '/stereo/target/odometry'])
+        ]
+        positions = [reader.decode(each) for each in reader.messages(['/stereo/target/position'])]
+    assert {each.header.frame_id for each in poses} == {'odom'}
+    assert {each.header.frame_id for each in positions} == {'left_camera_optical_frame'}
+    # Against the truth: much nearer than the odometry is from sample to sample.
+    with BagReader(bag) as reader:
+        truth = {
+            stamp_of(message): position_of(message)
+            for message in map(reader.decode, reader.messages(['/stereo/truth/fixed_pose']))
+        }
+    late = list(by_odometry)[PAIRS // 2 :]
+    errors = places(by_odometry)[PAIRS // 2 :] - [truth[stamp] for stamp in late]
+    assert np.sqrt((errors**2).sum(axis=1).mean()) < 0.0015
+
+
+def test_what_the_covariance_says_is_what_the_odometry_says_unless_it_is_given(bag, tmp_path):
+    own, _ = process(bag, tmp_path / 'own')
+    given, _ = process(bag, tmp_path / 'given', *KNOWN)
+    first = next(iter(own))
+    for axis in ('sx', 'sy', 'sz'):
+        assert abs(float(own[first][axis]) / float(given[first][axis]) - 1) < 0.01
+
+
+def test_without_a_fixed_frame_nothing_is_asked_of_the_robot(bag, tmp_path):
+    rows, report = process(bag, tmp_path / 'rig', "fixed_frame:=''")
+    raw = np.array([[float(row[f'raw_{axis}']) for axis in 'xyz'] for row in rows.values()])
+    assert np.abs(places(rows) - raw).max() < 0.01
+    assert 'frame of target/pose' not in report
+
+
+def test_pairs_without_a_pose_of_the_robot_are_counted_and_nothing_else_is_lost(bag, tmp_path):
+    gap = (START_NS + 300_000_000, START_NS + 950_000_000)
+    cut = edited(bag, tmp_path / 'cut', ODOMETRY, lambda stamp: not gap[0] < stamp < gap[1])
+    rows, report = process(cut, tmp_path / 'out')
+    assert len(rows) == PAIRS
+    without = [stamp for stamp, row in rows.items() if not row['x']]
+    inside = [stamp for stamp in rows if gap[0] < stamp < gap[1]]
+    assert without == inside
+    assert 'dropped: smoother: the odometry has a gap of # s about the image' in report
+    end = edited(bag, tmp_path / 'end', ODOMETRY, lambda stamp: stamp < gap[1])
+    rows, report = process(end, tmp_path / 'out2')
+    assert [bool(row['x']) for row in rows.values()] == [
+        stamp <= gap[1] - 10_000_000 for stamp in rows
+    ]
+    assert 'the odometry ends # s before the image' in report
+
+
+def test_transforms_that_cannot_be_cost_only_themselves(bag, tmp_path):
+    folder = tmp_path / 'bad'
+    folder.mkdir()
+    at = START_NS + 500_000_000
+    same, nowhere = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    bad = transforms(
+        at,
+        ('odom', 'base_link', nowhere, (0.0, 0.0, 0.0, 3.0)),
+        ('map', 'base_link', nowhere, same),
+        ('base_link', 'odom', nowhere, same),
+    )
+    with BagReader(bag) as reader, BagWriter(folder / 'bag') as writer:
+        for name, info in reader.topics.items():
+            writer.add_topic(name, info.type, qos=tuple(info.qos))
+        for record in reader.messages():
+            writer.write(record.topic, record.stamp_ns, record.data)
+            if record.topic == '/tf_static':
+                writer.write('/tf', at, bad)
+    (folder / 'bag' / 'binopos.yaml').write_text((bag / 'binopos.yaml').read_text())
+    good, _ = process(bag, tmp_path / 'good', 'platform.source:=tf')
+    rows, report = process(folder / 'bag', tmp_path / 'out', 'platform.source:=tf')
+    assert rows == good
+    for reason in ('quaternion of length #', 'has two parents', 'go in a circle'):
+        assert reason in report
+
+
+@pytest.mark.parametrize(
+    ('value', 'told'),
+    [
+        ('platform.source:=none', "set platform.source to 'tf' or 'odometry'"),
+        ('platform.mounting:=[0.0, 0.0]', 'give seven'),
+        ('platform.mounting:=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0]', 'quaternion of length 2'),
+        ('platform.timeout:=-1.0', 'platform.timeout'),
+    ],
+)
+def test_bad_parameters_end_in_one_line(bag, tmp_path, value, told):
+    done = binopos(
+        *('process', bag, '-o', tmp_path / 'out.mcap', '--ros-args', '-p', f'smoother:{value}')
+    )
+    assert done.returncode == 2
+    assert done.stderr.count('\n') == 1
+    assert told in done.stderr
+
+
+def test_a_bag_without_the_robot_s_motion_says_what_to_record(bag, tmp_path):
+    none = edited(bag, tmp_path / 'none', ODOMETRY, lambda stamp: False)
+    done = binopos('process', none, '-o', tmp_path / 'out.mcap')
+    assert done.returncode == 2
+    assert '/stereo/platform/odometry is missing or empty' in done.stderr
