@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from binopos_ros.detection import DetectionError, DetectorOptions, Frame
-from binopos_ros.detection.stage import CameraStage
+from binopos_ros.detection.stage import stages_of_pair
 from binopos_ros.optics import CameraInfo
 from binopos_ros.parameters import build, specs_of
 from binopos_ros.platform import FixedFrameOptions, Platform, WaitingRoom
-from binopos_ros.sides import SIDES
 from binopos_ros.smoothing.stage import Pose, Smoother, make_smoother
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
@@ -62,7 +61,7 @@ class Pipeline:
 
     def __init__(self, parameters: Mapping[str, Mapping[str, Any]]) -> None:
         detection = build(DetectorOptions, parameters['detector'])
-        self._cameras = {side: CameraStage(detection) for side in SIDES}
+        self._cameras = stages_of_pair(detection)
         self._triangulator = Triangulator(build(TriangulatorOptions, parameters['triangulator']))
         self._platform, self._smoother = make_smoothing(parameters['smoother'])
         own = self._platform.options.platform

@@ -24,13 +24,14 @@ from .images import Picture
 Map = npt.NDArray[np.float32]
 
 DARK = 24.0
-_NUMERATOR_AND_SUM = np.array([[0.0, -1.0, 1.0, 0.0], [1.0, 1.0, 1.0, DARK]], np.float32)
 
 
 def redness(bgr: Picture) -> Map:
     """Give (R - G) / (R + G + B + 24), (height, width) float32, of blue-green-red pixels."""
-    both = cv2.transform(bgr.astype(np.float32), _NUMERATOR_AND_SUM)
-    return np.asarray(both[..., 0] / both[..., 1], np.float32)
+    blue, green, red = cv2.split(bgr)
+    numerator = cv2.subtract(red, green, dtype=cv2.CV_32F)
+    total = cv2.add(cv2.add(blue, green, dtype=cv2.CV_32F), red, dtype=cv2.CV_32F)
+    return np.asarray(numerator / (total + np.float32(DARK)), np.float32)
 
 
 def redness_of(colour: Sequence[float]) -> float:

@@ -24,10 +24,10 @@ from .paper import detect_by_extremes
 from .search import Sightings, find, follow
 from .target import Candidate, Detection, Target
 
-#: Followed images after which the whole image is searched, and how many such searches in a row
+#: In how many followed images the whole of one is looked over, and how many such looks in a row
 #: must prefer another patch until that is taken. A decoy that was taken while the target was
 #: hidden must not be followed for ever.
-RECHECK, OUTVOTED = 15, 3
+LOOK_PERIOD, OUTVOTED = 15, 3
 
 
 class Detector:
@@ -38,11 +38,16 @@ class Detector:
     last digit whether the target was followed or found anew.
     """
 
-    def __init__(self, options: DetectorOptions | None = None, **changes: Any) -> None:
+    def __init__(
+        self, options: DetectorOptions | None = None, phase: int = 0, **changes: Any
+    ) -> None:
         """Take options, or their values by name; those of the target also as a mapping.
 
-        Raises DetectionError for a bad value.
+        phase tells after which image of each LOOK_PERIOD followed ones the whole is looked over:
+        so that cameras that begin together do not look in the same pair. Raises DetectionError
+        for a bad value.
         """
+        self._phase = phase
         try:
             if isinstance(changes.get('target'), Mapping):
                 changes['target'] = TargetOptions(**changes['target'])
@@ -58,6 +63,7 @@ class Detector:
         self._motion = 0.0, 0.0
         self._factor = 1
         self._followed_for = self._votes = 0
+        self._to_look_over: Frame | None = None
 
     def detect(self, image: JpegImage | RawImage) -> Detection:
         """Find the target in an image; never raises for what the image holds."""
@@ -73,6 +79,7 @@ class Detector:
         With `survey`, candidates elsewhere in the image are told of too where the target could be
         followed without a look at them; it takes as long as a search.
         """
+        self.look_over()
         try:
             detection = self._detect(frame, survey)
         except (DetectionError, cv2.error, np.linalg.LinAlgError) as error:
@@ -80,11 +87,26 @@ class Detector:
         self._remember(detection.target)
         return detection
 
+    def look_over(self) -> None:
+        """Look over the whole of the last image, where it is the turn of that.
+
+        It takes as long as a search, so call it once the image's answer is out: the next one would
+        wait for it otherwise. What it finds counts from the next image on.
+        """
+        frame, self._to_look_over = self._to_look_over, None
+        if frame is None or self._last is None:
+            return
+        try:
+            judged = self._judged(frame, find(frame, self.options))
+        except (DetectionError, cv2.error, np.linalg.LinAlgError):
+            return
+        self._votes = self._votes + 1 if _prefers_another(judged, self._last) else 0
+
     def _detect(self, frame: Frame, survey: bool) -> Detection:
         options = self.options
         if options.method == 'paper':
             return detect_by_extremes(frame, options.paper_red, options.paper_green)
-        if self._last is None or not options.track:
+        if self._last is None or not options.track or self._votes >= OUTVOTED:
             return self._found(frame)
         sightings = self._followed(frame, self._last)
         judged = self._judged(frame, sightings)
@@ -92,14 +114,9 @@ class Detector:
         if detection.target is None:
             return self._found(frame)
         self._followed_for += 1
-        if self._followed_for % RECHECK == 0:
-            sightings = find(frame, options)
-            anywhere = self._judged(frame, sightings)
-            self._votes = self._votes + 1 if _prefers_another(anywhere, detection.target) else 0
-            if self._votes >= OUTVOTED:
-                self._followed_for = self._votes = 0
-                self._factor = sightings.factor
-                return measure(frame, anywhere, sightings.threshold)
+        # By the turn of the period the votes are in, so that the next image is judged by them.
+        if (self._followed_for + 1 + self._phase) % LOOK_PERIOD == 0:
+            self._to_look_over = frame
         rest = self._elsewhere(frame, judged[0]) if survey else ()
         return replace(detection, candidates=(*detection.candidates, *rest), tracked=True)
 

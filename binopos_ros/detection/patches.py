@@ -69,13 +69,14 @@ def seeds(shades: Map, threshold: float) -> list[tuple[int, int, int]]:
     while sizes[-1] < min(shades.shape) / 2:
         inner, size = sizes[-1], sizes[-1] * 2 + 1
         wider = cv2.blur(shades, (size, size), borderType=cv2.BORDER_REFLECT)
-        contrast = (means - wider) * np.float32(size**2 / (size**2 - inner**2))
+        contrast = np.subtract(means, wider)
+        contrast *= np.float32(size**2 / (size**2 - inner**2))
         contrasts.append(contrast)
         sizes.append(size)
         means = np.asarray(wider, np.float32)
     best = contrasts[0]
     for each in contrasts[1:]:
-        best = np.maximum(best, each)
+        best = np.asarray(cv2.max(best, each), np.float32)
     peaks = (best >= cv2.dilate(best, NEIGHBOURS)) & (best > threshold * 0.75)
     rows, columns = np.nonzero(peaks)
     scales = np.argmax([each[rows, columns] for each in contrasts], axis=0)

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections import deque
 
 from binopos_ros.optics import CameraInfo
+from binopos_ros.sides import SIDES
 
-from .detector import Detector
+from .detector import LOOK_PERIOD, Detector
 from .errors import DetectionError
 from .images import Frame, JpegImage, RawImage, decode
 from .options import DetectorOptions
@@ -22,7 +23,8 @@ REMEMBERED = 60
 class CameraStage:
     """A detector that knows its camera: stamps must differ, sizes must be the calibration's."""
 
-    def __init__(self, options: DetectorOptions) -> None:
+    def __init__(self, options: DetectorOptions, phase: int = 0) -> None:
+        self._phase = phase
         self._info: CameraInfo | None = None
         self._size: tuple[int, int] | None = None
         self._last_stamp: int | None = None
@@ -30,7 +32,7 @@ class CameraStage:
 
     def configure(self, options: DetectorOptions) -> None:
         """Take new options; where the target was is forgotten."""
-        self._detector = Detector(options)
+        self._detector = Detector(options, self._phase)
 
     def set_camera(self, info: CameraInfo) -> None:
         """Take the calibration that the images must agree with in size.
@@ -67,6 +69,15 @@ class CameraStage:
                 f'{calibrated}: calibrate at this size',
             )
         return self._detector.detect_in(decoded, survey)
+
+    def look_over(self) -> None:
+        """See to what can wait until the image's answer is out; see `Detector.look_over`."""
+        self._detector.look_over()
+
+
+def stages_of_pair(options: DetectorOptions) -> dict[str, CameraStage]:
+    """Give the stages of both cameras, which take turns in what can wait."""
+    return {side: CameraStage(options, k * LOOK_PERIOD // 2) for k, side in enumerate(SIDES)}
 
 
 class OneStream:

@@ -21,7 +21,7 @@ from binopos_ros.detection import (
 )
 from binopos_ros.detection.images import image_of
 from binopos_ros.detection.overlay import draw
-from binopos_ros.detection.stage import CameraStage, OneStream, try_decode
+from binopos_ros.detection.stage import OneStream, stages_of_pair, try_decode
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.shell import StageNode
@@ -39,7 +39,7 @@ class DetectorNode(StageNode):
     def __init__(self, **node_options: Any) -> None:
         super().__init__('detector', **node_options)
         options = self.declare_options(DetectorOptions, self._configure)
-        self._stages = {side: CameraStage(options) for side in SIDES}
+        self._stages = stages_of_pair(options)
         self._streams = {side: OneStream() for side in SIDES}
         self._framed = dict.fromkeys(SIDES, True)
         self._newest: dict[str, Detection] = {}
@@ -53,7 +53,7 @@ class DetectorNode(StageNode):
         self._log_decoder()
         for side in SIDES:
             for kind, form in ((CompressedImage, 'image_raw/compressed'), (Image, 'image_raw')):
-                self.subscription(kind, f'{side}/{form}', partial(self._detect, side, form))
+                self.subscription(kind, f'{side}/{form}', partial(self._take, side, form))
             self.latched_subscription(
                 CameraInfo, f'{side}/camera_info', partial(self._on_camera_info, side)
             )
@@ -76,6 +76,10 @@ class DetectorNode(StageNode):
         except ValueError as error:
             problem = f'cannot be used: {error}'
         self._diagnostics.judge_input(f'{side}/camera_info', problem)
+
+    def _take(self, side: str, form: str, message: CompressedImage | Image) -> None:
+        self._detect(side, form, message)
+        self._stages[side].look_over()
 
     def _detect(self, side: str, form: str, message: CompressedImage | Image) -> None:
         stamp = stamp_of(message)

@@ -17,6 +17,9 @@ from binopos_ros.detection import (
     decode,
     detect,
 )
+from binopos_ros.detection import detector as detector_module
+from binopos_ros.detection.search import find
+from binopos_ros.detection.stage import stages_of_pair
 from binopos_ros.parameters import specs_of
 
 GROUND, RED = (150, 140, 110), (40, 40, 190)
@@ -178,6 +181,39 @@ def test_a_decoy_taken_while_the_target_was_hidden_is_not_followed_for_ever():
     assert all(found[:5])
     assert not any(found[5:9])
     assert all(found[-10:])
+
+
+@pytest.mark.parametrize('phase', [0, 7])
+@pytest.mark.parametrize('looks_at_once', [True, False])
+def test_a_decoy_is_found_out_after_45_followed_images_at_the_latest(phase, looks_at_once):
+    decoy, target = ((90, 400), (8, 8), 0, RED), ((300, 200), (16, 16), 0, RED)
+    detector = Detector(phase=phase)
+    assert detector.detect(raw(tank(decoy))).target.centre[0] < 150
+    both = decode(raw(tank(decoy, target)))
+    found = []
+    for _ in range(45):
+        found.append(detector.detect_in(both).target.centre[0] > 150)
+        if looks_at_once:
+            detector.look_over()
+    assert found.index(True) == 44 - phase
+
+
+def test_the_two_cameras_of_a_rig_look_over_different_pairs(monkeypatch):
+    searched, turn = [], ()
+    picture = decode(raw(tank(((300, 200), (16, 16), 0, RED))))
+    monkeypatch.setattr(
+        detector_module, 'find', lambda *each: (searched.append(turn), find(*each))[1]
+    )
+    stages = stages_of_pair(DetectorOptions())
+    for pair in range(31):
+        for side, stage in stages.items():
+            turn = pair, side, 'before the answer'
+            assert stage.detect(pair + 1, picture).target is not None
+            turn = pair, side, 'after it'
+            stage.look_over()
+    first = [(0, 'left', 'before the answer'), (0, 'right', 'before the answer')]
+    looks = [(7, 'right'), (14, 'left'), (22, 'right'), (29, 'left')]
+    assert searched == first + [(*look, 'after it') for look in looks]
 
 
 def test_the_threshold_follows_the_noise_and_is_reported():
