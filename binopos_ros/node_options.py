@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from binopos_ros.arrivals import ArrivalOptions
 from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.bag.recording import RecorderOptions
 from binopos_ros.capture.options import CaptureOptions
@@ -25,8 +26,8 @@ from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 from binopos_ros.triangulation.options import TriangulatorOptions
 
 NAMESPACE = '/stereo'
-#: Node -> the options that it declares; beside its own, the smoother takes those of the moving
-#: robot and of its filter.
+#: Node -> the options of its stage; beside its own, the smoother takes those of the moving robot
+#: and of its filter.
 OPTIONS: Mapping[str, type | None] = {
     'camera': CaptureOptions,
     'detector': DetectorOptions,
@@ -36,6 +37,8 @@ OPTIONS: Mapping[str, type | None] = {
     'recorder': RecorderOptions,
     'calibrator': None,
 }
+#: Node -> what it declares beside those, for its own part.
+MORE_OPTIONS: Mapping[str, type] = {'detector': ArrivalOptions}
 #: What ROS itself declares for every node, with its type.
 OF_ROS: Mapping[str, type] = {'use_sim_time': bool, 'start_type_description_service': bool}
 QOS_OVERRIDES = 'qos_overrides.'
@@ -194,7 +197,7 @@ def options_types(name: str, method: str | None = None) -> list[type]:
     if own is None:
         return []
     if name != 'smoother':
-        return [own]
+        return [own, *([MORE_OPTIONS[name]] if name in MORE_OPTIONS else [])]
     return [own, FixedFrameOptions, filter_options_type(method or specs_of(own)['method'].default)]
 
 

@@ -41,12 +41,13 @@ class Pair(Generic[Item]):
 
 @dataclass(frozen=True)
 class Unpaired(Generic[Item]):
-    """An item that found no partner, and why."""
+    """An item that found no partner, and why; `repeated` where its stamp had come before."""
 
     side: str
     stamp: int
     item: Item
     reason: str
+    repeated: bool = False
 
 
 class Intervals:
@@ -91,12 +92,16 @@ class PairMatcher(Generic[Item]):
         self._intervals = Intervals()
 
     @property
+    def period(self) -> int | None:
+        """The frame period, nanoseconds; None before two stamps of one side are known."""
+        return self._intervals.period()
+
+    @property
     def tolerance(self) -> int:
         """Largest difference between the stamps of a pair now, in nanoseconds."""
         if self._given_tolerance is not None:
             return self._given_tolerance
-        period = self._intervals.period()
-        return FIRST_TOLERANCE if period is None else period // 2
+        return FIRST_TOLERANCE if self.period is None else self.period // 2
 
     @tolerance.setter
     def tolerance(self, nanoseconds: int) -> None:
@@ -119,7 +124,7 @@ class PairMatcher(Generic[Item]):
         waiting = self._waiting[side]
         position = bisect.bisect_left(waiting, stamp, key=lambda entry: entry[0])
         if (position < len(waiting) and waiting[position][0] == stamp) or stamp == newest:
-            yield Unpaired(side, stamp, item, f'the {side} stamp was repeated')
+            yield Unpaired(side, stamp, item, f'the {side} stamp was repeated', repeated=True)
             return
         self._newest[side] = max(stamp, self._newest[side] or stamp)
         waiting.insert(position, (stamp, item))

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from binopos_ros.arrivals import ArrivalOptions
 from binopos_ros.detection import DetectionError, DetectorOptions, Frame
 from binopos_ros.detection.stage import stages_of_pair
 from binopos_ros.optics import CameraInfo
@@ -60,7 +61,7 @@ class Pipeline:
     """
 
     def __init__(self, parameters: Mapping[str, Mapping[str, Any]]) -> None:
-        detection = build(DetectorOptions, parameters['detector'])
+        detection = build(DetectorOptions, _of_stage(parameters['detector']))
         self._cameras = stages_of_pair(detection)
         self._triangulator = Triangulator(build(TriangulatorOptions, parameters['triangulator']))
         self._platform, self._smoother = make_smoothing(parameters['smoother'])
@@ -180,3 +181,9 @@ def make_smoothing(values: Mapping[str, Any]) -> tuple[Platform, Smoother]:
     options = build(FixedFrameOptions, {k: v for k, v in values.items() if k in fixed})
     smoother = make_smoother({k: v for k, v in values.items() if k not in fixed})
     return Platform(options), smoother
+
+
+def _of_stage(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The detector's values without those that say how a live node takes its pictures in."""
+    of_node = specs_of(ArrivalOptions)
+    return {name: value for name, value in values.items() if name not in of_node}

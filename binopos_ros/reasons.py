@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import dataclass, field
 
 #: A stage has a dozen kinds; what goes beyond counts as one.
 MOST_KINDS = 40
@@ -31,6 +32,19 @@ def count_reason(counts: Counter[str], reason: str, count: int = 1) -> None:
     if kind not in counts and len(counts) >= MOST_KINDS:
         kind = OTHER
     counts[kind] += count
+
+
+@dataclass
+class Ledger:
+    """What became of the pairs that a stage took in: each gave a result or is lost, once."""
+
+    taken: int = 0
+    used: int = 0
+    lost: Counter[str] = field(default_factory=Counter)
+
+    def lose(self, reason: str) -> None:
+        """Count a pair that gave nothing."""
+        count_reason(self.lost, reason)
 
 
 def shown(reason: str) -> str:

@@ -27,6 +27,7 @@ STAGES |= {'smoothing', 'calibration', 'simulation', 'bag'}
 MAY_IMPORT: dict[str, frozenset[str]] = {
     'optics': frozenset(),
     'pairing': frozenset(),
+    'arrivals': frozenset({'pairing'}),
     'capture': frozenset({'pairing'}),
     'detection': frozenset({'optics'}),
     'triangulation': frozenset({'optics', 'pairing'}),
@@ -38,12 +39,13 @@ MAY_IMPORT: dict[str, frozenset[str]] = {
     'bag': frozenset({'optics', 'pairing'}),
     # All stages behind one object, what a run tells, and what each node may be told.
     'tracker': STAGES - {'capture', 'detection', 'calibration', 'simulation', 'bag'},
-    'pipeline': STAGES - {'capture', 'calibration', 'simulation', 'bag'} | {'tracker'},
-    'report': frozenset({'pipeline'}),
+    'pipeline': STAGES - {'capture', 'calibration', 'simulation', 'bag'} | {'arrivals', 'tracker'},
+    'report': frozenset({'pipeline', 'pairing'}),
     'parameter_files': frozenset(),
-    'node_options': STAGES | {'parameter_files'},
+    'node_options': STAGES | {'parameter_files', 'arrivals'},
     'evaluation': STAGES | {'tracker', 'pipeline', 'report'},
-    'nodes': STAGES | {'tracker', 'pipeline', 'report', 'parameter_files', 'node_options'},
+    'nodes': STAGES
+    | {'arrivals', 'tracker', 'pipeline', 'report', 'parameter_files', 'node_options'},
     'view': frozenset({'bag', 'nodes'}),
 }
 MAY_IMPORT['cli'] = frozenset(MAY_IMPORT)

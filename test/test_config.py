@@ -6,6 +6,7 @@ import itertools
 
 import pytest
 
+from binopos_ros.arrivals import ArrivalOptions
 from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.bag.recording import RecorderOptions
 from binopos_ros.capture.options import CaptureOptions
@@ -18,7 +19,7 @@ from binopos_ros.triangulation.options import TriangulatorOptions
 
 OPTIONS = {
     'camera': [CaptureOptions],
-    'detector': [DetectorOptions],
+    'detector': [DetectorOptions, ArrivalOptions],
     'triangulator': [TriangulatorOptions],
     'smoother': [SmootherOptions, FixedFrameOptions, filter_options_type('cloud-kalman')],
     'player': [PlayerOptions],
@@ -61,6 +62,8 @@ def test_every_parameter_has_a_line_of_comment(path):
             assert before.strip().startswith('#'), line
 
 
-def test_the_stages_can_be_built_from_it(path):
-    values = Parameters([path])
-    assert build(DetectorOptions, values.of_node('detector')) == DetectorOptions()
+def test_the_detector_can_be_built_from_it(path):
+    values = Parameters([path]).of_node('detector')
+    for options_type in OPTIONS['detector']:
+        own = {name: values[name] for name in specs_of(options_type)}
+        assert build(options_type, own) == options_type()

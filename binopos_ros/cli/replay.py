@@ -75,7 +75,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--wait-for-all-acked',
         type=int,
         metavar='MS',
-        help='at the end wait this long for acknowledgements; 0: for ever, -1: not at all',
+        help='work on every pair, however late, and at the end wait this long for '
+        'acknowledgements; 0: for ever, -1: not at all',
     )
 
 
@@ -93,6 +94,8 @@ def main(arguments: argparse.Namespace) -> int:
             parameters.check(name)
         clock = _clock(arguments, parameters)
         words = ['-p', 'use_sim_time:=true'] if clock else []
+        if arguments.wait_for_all_acked is not None and arguments.wait_for_all_acked >= 0:
+            words += ['-p', 'detector:newest_first:=false']
         if namespace != NAMESPACE:
             words += ['-r', f'__ns:={namespace}']
         supervisor = Supervisor(

@@ -5,8 +5,6 @@ It is the same object in the live node and in `binopos process`, which decodes i
 
 from __future__ import annotations
 
-from collections import deque
-
 from binopos_ros.optics import CameraInfo
 from binopos_ros.sides import SIDES
 
@@ -15,9 +13,6 @@ from .errors import DetectionError
 from .images import Frame, JpegImage, RawImage, decode
 from .options import DetectorOptions
 from .target import Detection
-
-#: Pictures that the other form of a picture may come behind: two seconds at 30 Hz.
-REMEMBERED = 60
 
 
 class CameraStage:
@@ -78,20 +73,6 @@ class CameraStage:
 def stages_of_pair(options: DetectorOptions) -> dict[str, CameraStage]:
     """Give the stages of both cameras, which take turns in what can wait."""
     return {side: CameraStage(options, k * LOOK_PERIOD // 2) for k, side in enumerate(SIDES)}
-
-
-class OneStream:
-    """One camera's pictures where they come twice, raw and compressed: each stamp counts once."""
-
-    def __init__(self) -> None:
-        self._taken: deque[tuple[int, str]] = deque(maxlen=REMEMBERED)
-
-    def takes(self, form: str, stamp: int) -> bool:
-        """Whether a picture is the first of its stamp, or comes again in the same form."""
-        other = any(taken == stamp and other != form for taken, other in self._taken)
-        if not other:
-            self._taken.append((stamp, form))
-        return not other
 
 
 def try_decode(image: JpegImage | RawImage) -> Frame | DetectionError:

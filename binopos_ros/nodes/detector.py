@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import threading
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
+from binopos_ros.arrivals import ArrivalOptions, Arrivals, Picture
 from binopos_ros.bag.messages import stamp_of
 from binopos_ros.detection import (
     Detection,
@@ -21,29 +25,39 @@ from binopos_ros.detection import (
 )
 from binopos_ros.detection.images import image_of
 from binopos_ros.detection.overlay import draw
-from binopos_ros.detection.stage import OneStream, stages_of_pair, try_decode
+from binopos_ros.detection.stage import stages_of_pair, try_decode
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
-from binopos_ros.nodes.shell import StageNode
+from binopos_ros.nodes.pictures import Pictures
+from binopos_ros.nodes.shell import StageNode, every_message
 from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.sides import SIDES
 
 OVERLAY_QUALITY = 80
 #: px; the size of a picture that the decoder is timed with when the node starts.
 USUAL_SIZE = (1280, 960)
+#: Seconds between looks for pictures whose partner does not come.
+LOOK_AFTER = 0.05
 
 
 class DetectorNode(StageNode):
-    """Finds the red target in the images of both cameras."""
+    """Finds the red target in the images of both cameras.
+
+    What arrives is brought together by the executor's thread; two threads of their own decode and
+    search the left and the right picture at the same time.
+    """
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__('detector', **node_options)
         options = self.declare_options(DetectorOptions, self._configure)
+        arrival_options = self.declare_options(ArrivalOptions, lambda _: None)
         self._stages = stages_of_pair(options)
-        self._streams = {side: OneStream() for side in SIDES}
+        self._arrivals: Arrivals[CompressedImage | Image] = Arrivals(arrival_options)
         self._framed = dict.fromkeys(SIDES, True)
         self._newest: dict[str, Detection] = {}
-        self._diagnostics = StageDiagnostics(self, 'stereo cameras', self._details)
+        self._diagnostics = StageDiagnostics(
+            self, 'stereo cameras', self._details, self._arrivals.pairs
+        )
         self._centroids = {
             side: self.publisher(PoseWithCovarianceStamped, f'{side}/centroid') for side in SIDES
         }
@@ -52,11 +66,31 @@ class DetectorNode(StageNode):
         }
         self._log_decoder()
         for side in SIDES:
-            for kind, form in ((CompressedImage, 'image_raw/compressed'), (Image, 'image_raw')):
-                self.subscription(kind, f'{side}/{form}', partial(self._take, side, form))
             self.latched_subscription(
                 CameraInfo, f'{side}/camera_info', partial(self._on_camera_info, side)
             )
+        keep = self.subscription
+        if not arrival_options.newest_first:
+            keep = partial(keep, profile=every_message())
+        self._pictures = {
+            side: Pictures(
+                self, side, arrival_options.image_transport, partial(self._on_picture, side), keep
+            )
+            for side in SIDES
+        }
+        self.every(LOOK_AFTER, self._look_after)
+        self._failure: BaseException | None = None
+        self._beside = ThreadPoolExecutor(1, 'detector-beside')
+        self._worker = threading.Thread(target=self._work, name='detector', daemon=True)
+        self._worker.start()
+
+    def destroy_node(self) -> None:
+        """End the threads before what they publish with goes."""
+        if hasattr(self, '_worker'):
+            self._arrivals.close()
+            self._worker.join()
+            self._beside.shutdown()
+        super().destroy_node()
 
     def _log_decoder(self) -> None:
         told = f'JPEGs are decoded by {decoders.told(*USUAL_SIZE)}'
@@ -77,33 +111,64 @@ class DetectorNode(StageNode):
             problem = f'cannot be used: {error}'
         self._diagnostics.judge_input(f'{side}/camera_info', problem)
 
-    def _take(self, side: str, form: str, message: CompressedImage | Image) -> None:
-        self._detect(side, form, message)
-        self._stages[side].look_over()
-
-    def _detect(self, side: str, form: str, message: CompressedImage | Image) -> None:
-        stamp = stamp_of(message)
-        if not self._streams[side].takes(form, stamp):
-            return
+    def _on_picture(self, side: str, message: CompressedImage | Image) -> None:
         self._diagnostics.received[f'{side}/image_raw'] += 1
+        self._count(self._arrivals.add(side, stamp_of(message), message))
+
+    def _look_after(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+        self._count(self._arrivals.look())
+
+    def _count(self, left_out: Iterable[Picture[CompressedImage | Image]]) -> None:
+        for picture in left_out:
+            self._diagnostics.drop(f'{picture.side}: {picture.outcome}')
+
+    def _work(self) -> None:
+        try:
+            while (work := self._arrivals.take()) is not None:
+                first, *others = work
+                beside = [self._beside.submit(self._detect, other) for other in others]
+                done = [self._detect(first), *(each.result() for each in beside)]
+                for result in done:
+                    self._publish(result)
+                for result in done:
+                    self._show(result)
+                    self._stages[result.picture.side].look_over()
+        except BaseException as error:
+            # Told by the executor's thread, which ends the node; nothing may stand still unseen.
+            self._failure = error
+
+    def _detect(self, picture: Picture[CompressedImage | Image]) -> _Result:
+        side, message = picture.side, picture.item
+        assert message is not None
         decoded = try_decode(image_of(message))
         watched = self._overlays[side].get_subscription_count() > 0
-        detection = self._stages[side].detect(stamp, decoded, survey=watched)
+        detection = self._stages[side].detect(picture.stamp, decoded, survey=watched)
+        return _Result(picture, message.header, decoded if watched else None, detection)
+
+    def _publish(self, result: _Result) -> None:
+        picture, header, _, detection = result
+        side = picture.side
         self._newest[side] = detection
-        self._framed[side] = bool(message.header.frame_id)
-        if watched and not isinstance(decoded, DetectionError):
-            self._publish_overlay(side, message.header, decoded, detection)
-        if detection.target is None:
-            self._diagnostics.drop(f'{side}: {detection.reason}')
-            return
+        self._framed[side] = bool(header.frame_id)
         target = detection.target
-        u, v = target.centre
-        self._centroids[side].publish(
-            messages.pose_message(
-                stamp, message.header.frame_id, (u, v, target.diameter), target.covariance
+        if target is None:
+            self._diagnostics.drop(f'{side}: {detection.reason}')
+        else:
+            u, v = target.centre
+            self._centroids[side].publish(
+                messages.pose_message(
+                    picture.stamp, header.frame_id, (u, v, target.diameter), target.covariance
+                )
             )
-        )
-        self._diagnostics.published += 1
+            self._diagnostics.published += 1
+        self._arrivals.settle(picture, '' if target is not None else detection.reason)
+
+    def _show(self, result: _Result) -> None:
+        picture, header, decoded, detection = result
+        if decoded is not None and not isinstance(decoded, DetectionError):
+            self._publish_overlay(picture.side, header, decoded, detection)
 
     def _publish_overlay(
         self, side: str, header: Header, frame: Frame, detection: Detection
@@ -116,7 +181,11 @@ class DetectorNode(StageNode):
 
     def _details(self) -> dict[str, object]:
         details: dict[str, object] = {}
-        for side, detection in self._newest.items():
+        for side, pictures in self._pictures.items():
+            details[f'{side}: pictures'] = pictures.form
+        for side, count in sorted(self._arrivals.unpaired.copy().items()):
+            details[f'Unpaired {side}'] = count
+        for side, detection in self._newest.copy().items():
             if not self._framed[side]:
                 details[f'{side}: frame_id'] = 'empty: set the frame_id of the driver'
             if math.isfinite(detection.threshold):
@@ -126,3 +195,12 @@ class DetectorNode(StageNode):
             if refused:
                 details[f'{side}: best candidate refused'] = refused[0]
         return details
+
+
+class _Result(NamedTuple):
+    """What was found in a picture; `decoded` where somebody looks at it."""
+
+    picture: Picture[CompressedImage | Image]
+    header: Header
+    decoded: Frame | DetectionError | None
+    detection: Detection

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile
@@ -12,10 +14,12 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from binopos_ros.nodes.neighbours import intruders
 from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode
-from binopos_ros.reasons import count_reason, shown
+from binopos_ros.reasons import Ledger, count_reason, shown
 
 PERIOD = 1.0
 WINDOW = 10
+#: Keys of what became of pairs; the reasons of those that are lost come behind 'Pairs: '.
+PAIRS, PAIRS_USED = 'Pairs', 'Pairs used'
 
 
 class StageDiagnostics:
@@ -23,7 +27,8 @@ class StageDiagnostics:
 
     The level is ERROR while one of `errors`, standing problems by what they are about, is set;
     WARN while another node gets in the way; STALE while nothing comes in; WARN in a second in
-    which something was dropped, or nothing goes out of what comes in; and OK while data flows.
+    which something was dropped or lost on its way here, or nothing goes out of what comes in; and
+    OK while data flows. What is dropped may be told from any thread.
     """
 
     def __init__(
@@ -31,17 +36,20 @@ class StageDiagnostics:
         node: StageNode,
         hardware_id: str,
         details: Callable[[], Mapping[str, object]] | None = None,
+        pairs: Ledger | None = None,
     ) -> None:
+        self.pairs = pairs or Ledger()
         self.received: Counter[str] = Counter()
         self.published = 0
         self.dropped: Counter[str] = Counter()
         self.errors: dict[str, str] = {}
         self._last_drop = ''
+        self._lock = threading.Lock()
         self._node = node
         self._name = f'{node.get_fully_qualified_name().lstrip("/")}: stage'
         self._hardware_id = hardware_id
         self._details = details
-        self._past: deque[tuple[float, int, int, int]] = deque(maxlen=WINDOW + 1)
+        self._past: deque[_Counts] = deque(maxlen=WINDOW + 1)
         self._publisher = node.create_publisher(
             DiagnosticArray,
             '/diagnostics',
@@ -58,8 +66,9 @@ class StageDiagnostics:
 
     def drop(self, reason: str, count: int = 1) -> None:
         """Count something that this stage could not use; figures in the reason do not part it."""
-        count_reason(self.dropped, reason, count)
-        self._last_drop = shown(reason)
+        with self._lock:
+            count_reason(self.dropped, reason, count)
+            self._last_drop = shown(reason)
 
     def judge_input(self, topic: str, problem: str) -> None:
         """Keep what is wrong with a topic's newest message, '' where it is well; log it once."""
@@ -73,15 +82,19 @@ class StageDiagnostics:
         previous = self._past[-1]
         self._remember()
         oldest, now = self._past[0], self._past[-1]
-        seconds = max(now[0] - oldest[0], 1e-9)
+        seconds = max(now.time - oldest.time, 1e-9)
+        with self._lock:
+            dropped, last_drop = self.dropped.copy(), self._last_drop
         values = {
             **{f'Received {topic}': count for topic, count in sorted(self.received.items())},
             'Published': self.published,
-            'Dropped': self.dropped.total(),
-            **{f'Dropped: {reason}': count for reason, count in sorted(self.dropped.items())},
-            **({'Last drop': self._last_drop} if self._last_drop else {}),
-            'Input frequency (Hz)': f'{(now[1] - oldest[1]) / seconds:.3f}',
-            'Actual frequency (Hz)': f'{(now[2] - oldest[2]) / seconds:.3f}',
+            'Dropped': dropped.total(),
+            **{f'Dropped: {reason}': count for reason, count in sorted(dropped.items())},
+            **({'Last drop': last_drop} if last_drop else {}),
+            **{f'Lost {topic}': count for topic, count in sorted(self._node.lost.items())},
+            **self._pair_values(),
+            'Input frequency (Hz)': f'{(now.received - oldest.received) / seconds:.3f}',
+            'Actual frequency (Hz)': f'{(now.published - oldest.published) / seconds:.3f}',
             **(self._details() if self._details else {}),
         }
         status = DiagnosticStatus(name=self._name, hardware_id=self._hardware_id)
@@ -91,19 +104,29 @@ class StageDiagnostics:
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
 
-    def _judge(
-        self, previous: tuple[float, int, int, int], now: tuple[float, int, int, int]
-    ) -> tuple[bytes, str]:
+    def _pair_values(self) -> dict[str, int]:
+        ledger = self.pairs
+        if not ledger.taken:
+            return {}
+        lost = {
+            f'{PAIRS}: {reason}': count for reason, count in sorted(ledger.lost.copy().items())
+        }
+        return {PAIRS: ledger.taken, PAIRS_USED: ledger.used, **lost}
+
+    def _judge(self, previous: _Counts, now: _Counts) -> tuple[bytes, str]:
         errors = '; '.join(filter(None, self.errors.values()))
         if errors:
             return DiagnosticStatus.ERROR, errors
         if self._intruders:
             return DiagnosticStatus.WARN, '; '.join(self._intruders.values())
-        if now[1] == previous[1]:
+        if now.received == previous.received:
             return DiagnosticStatus.STALE, 'no input'
-        if now[3] > previous[3]:
-            return DiagnosticStatus.WARN, f'{now[3] - previous[3]} dropped: {self._last_drop}'
-        if now[2] == previous[2]:
+        if now.lost > previous.lost:
+            return DiagnosticStatus.WARN, f'{now.lost - previous.lost} lost on the way here'
+        if now.dropped > previous.dropped:
+            count = now.dropped - previous.dropped
+            return DiagnosticStatus.WARN, f'{count} dropped: {self._last_drop}'
+        if now.published == previous.published:
             return DiagnosticStatus.WARN, 'something comes in, and nothing goes out'
         return DiagnosticStatus.OK, 'running'
 
@@ -120,5 +143,21 @@ class StageDiagnostics:
 
     def _remember(self) -> None:
         self._past.append(
-            (time.monotonic(), self.received.total(), self.published, self.dropped.total())
+            _Counts(
+                time.monotonic(),
+                self.received.total(),
+                self.published,
+                self.dropped.total(),
+                self._node.lost.total(),
+            )
         )
+
+
+class _Counts(NamedTuple):
+    """What a stage has counted at an instant of `time.monotonic`."""
+
+    time: float
+    received: int
+    published: int
+    dropped: int
+    lost: int

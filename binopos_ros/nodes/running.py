@@ -22,6 +22,7 @@ from binopos_ros.nodes.supervised import is_supervised
 from binopos_ros.parameters import ParameterError
 
 RCLError = rclpy_implementation.RCLError
+UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
 
 #: Seconds after which a signal is heeded at the latest.
 SIGNAL_LATENCY = 0.1
@@ -86,7 +87,7 @@ def run(factories: Mapping[str, Callable[..., Node]], words: Sequence[str]) -> i
     except ParameterError as error:
         print(f'binopos_ros: {error}', file=sys.stderr)
         return 2
-    except RCLError as error:
+    except (RCLError, UnknownROSArgsError) as error:
         print(f'binopos_ros: the ROS arguments are refused: {one_line(error)}', file=sys.stderr)
         return 2
     finally:

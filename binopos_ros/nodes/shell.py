@@ -7,7 +7,9 @@ that fits only together with another, as the layers of an interface do, waits fo
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import (
@@ -27,11 +29,18 @@ from rclpy.exceptions import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSDurabilityPolicy, QoSPolicyKind, QoSProfile, QoSReliabilityPolicy
+from rclpy.qos import (
+    QoSDurabilityPolicy,
+    QoSHistoryPolicy,
+    QoSPolicyKind,
+    QoSProfile,
+    QoSReliabilityPolicy,
+)
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from binopos_ros.nodes.losses import Counted
 from binopos_ros.parameters import (
     ParameterError,
     ParameterSpec,
@@ -73,6 +82,8 @@ class StageNode(Node):
         self._declared: list[_Declared] = []
         #: Full names of the topics that only one node should publish.
         self.sole_topics: set[str] = set()
+        #: Messages that were sent to this node and never came, by topic.
+        self.lost: Counter[str] = Counter()
         self.add_pre_set_parameters_callback(self._with_kinds)
         self.add_on_set_parameters_callback(self._judge_change)
         self.add_post_set_parameters_callback(self._apply_change)
@@ -119,21 +130,35 @@ class StageNode(Node):
         topic: str,
         callback: Callable[[Any], None],
         sole: bool = True,
+        profile: QoSProfile | None = None,
         **options: Any,
     ) -> Subscription:
-        """A sensor-data subscription whose quality of service can be overridden by parameters.
+        """A subscription whose quality of service can be overridden by parameters.
 
-        A second publisher is reported where the topic should have a `sole` one.
+        It asks for sensor data, or for a `profile` that it has to itself.
+        A second publisher is reported where the topic should have a `sole` one; what was lost on
+        such a topic is counted in `lost`.
 
         Raises:
             ParameterError: an override cannot be used.
         """
         if sole:
             self.sole_topics.add(self.resolve_topic_name(topic))
-        profile = sensor_data()
+            counted = Counted(callback, partial(self._lose, topic))
+            callback = counted
+            options.setdefault('event_callbacks', counted.events())
         return self._overridable(
-            topic, self.create_subscription, message_type, topic, callback, profile, **options
+            topic,
+            self.create_subscription,
+            message_type,
+            topic,
+            callback,
+            profile or sensor_data(),
+            **options,
         )
+
+    def _lose(self, topic: str, count: int) -> None:
+        self.lost[topic] += count
 
     def latched_subscription(
         self, message_type: type, topic: str, callback: Callable[[Any], None]
@@ -270,6 +295,13 @@ class _Declared(NamedTuple):
 def sensor_data() -> QoSProfile:
     """What a stage asks for; a profile of its own for each, as rclpy writes overrides into it."""
     return QoSProfile(depth=DEPTH, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+
+
+def every_message() -> QoSProfile:
+    """What a stage asks for that is to work on everything, however late."""
+    return QoSProfile(
+        history=QoSHistoryPolicy.KEEP_ALL, reliability=QoSReliabilityPolicy.BEST_EFFORT
+    )
 
 
 def is_empty_list(value: Any) -> bool:

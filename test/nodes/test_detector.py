@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
@@ -87,14 +87,6 @@ def test_jpegs_of_both_cameras_are_kept_apart_and_a_bad_one_is_counted(start, pe
         side: peer.listen(PoseWithCovarianceStamped, f'{side}/centroid') for side in topics
     }
     diagnostics = peer.listen(DiagnosticArray, '/diagnostics')
-    peer.connect(*images.values(), inputs=('left/centroid', 'right/centroid'))
-    broken = jpeg_message(2)
-    broken.data = broken.data[:100]
-    for message in (jpeg_message(1), broken, jpeg_message(3), jpeg_message(3)):
-        images['left'].publish(message)
-    images['right'].publish(jpeg_message(1))
-    peer.wait_for(lambda: len(centroids['left']) == 2 and centroids['right'], 'the centroids')
-    assert [stamp_of(message) for message in centroids['left']] == [1, 3]
 
     def drops() -> dict[str, str]:
         values = [
@@ -102,6 +94,18 @@ def test_jpegs_of_both_cameras_are_kept_apart_and_a_bad_one_is_counted(start, pe
         ]
         return {v.key: v.value for v in values if v.key.startswith('Dropped: ')}
 
+    peer.connect(*images.values(), inputs=('left/centroid', 'right/centroid'))
+    broken = jpeg_message(2)
+    broken.data = broken.data[:100]
+    images['left'].publish(jpeg_message(1))
+    images['right'].publish(jpeg_message(1))
+    peer.wait_for(lambda: centroids['left'] and centroids['right'], 'the first centroids')
+    images['left'].publish(broken)
+    peer.wait_for(lambda: len(drops()) == 1, 'the broken one')
+    for message in (jpeg_message(3), jpeg_message(3)):
+        images['left'].publish(message)
+    peer.wait_for(lambda: len(centroids['left']) == 2, 'the centroids')
+    assert [stamp_of(message) for message in centroids['left']] == [1, 3]
     peer.wait_for(lambda: len(drops()) == 2, 'the drops')
     assert set(drops().values()) == {'1'}
     assert any('left: JPEG' in key for key in drops())
@@ -129,24 +133,36 @@ def test_a_calibration_of_another_size_stops_the_centroids_and_says_so(start, pe
     assert not centroids
 
 
-def test_the_same_pictures_raw_and_compressed_count_once(start, peer):
+def test_a_driver_that_sends_both_forms_is_served_from_the_compressed_one(start, peer):
     start('detector')
     raw_images = peer.publisher(Image, 'left/image_raw')
     jpegs = peer.publisher(CompressedImage, 'left/image_raw/compressed')
     centroids = peer.listen(PoseWithCovarianceStamped, 'left/centroid')
     reports = peer.listen(DiagnosticArray, '/diagnostics')
-    peer.connect(raw_images, jpegs, inputs=('left/centroid',))
+    peer.connect(jpegs, inputs=('left/centroid',))
     for stamp in (1, 2, 3):
-        for publisher, message in (
-            (raw_images, raw_message(stamp, 'bgr8')),
-            (jpegs, jpeg_message(stamp)),
-        )[:: 1 if stamp < 3 else -1]:
-            publisher.publish(message)
-    peer.wait_for(lambda: len(centroids) == 3, 'the centroids')
-    peer.wait_for(lambda: len(reports) > 2, 'the diagnostics')
-    assert sorted(map(stamp_of, centroids)) == [1, 2, 3]
+        raw_images.publish(raw_message(stamp, 'bgr8'))
+        jpegs.publish(jpeg_message(stamp))
+        peer.wait_for(lambda stamp=stamp: len(centroids) == stamp, 'a centroid')
+    told = len(reports)
+    peer.wait_for(lambda: len(reports) > told + 2, 'the diagnostics')
+    assert raw_images.get_subscription_count() == 0
     values = {item.key: item.value for report in reports for item in report.status[0].values}
-    assert not [key for key in values if key.startswith('Dropped: ')]
+    assert values['Received left/image_raw'] == values['Published'] == '3'
+    assert values['left: pictures'] == 'compressed'
+    assert not [key for key in values if key.startswith(('Dropped: ', 'Lost '))]
+    assert all(report.status[0].level != DiagnosticStatus.WARN for report in reports)
+
+
+def test_the_form_that_is_asked_for_is_the_one_that_is_taken(start, peer):
+    start('detector', parameters={'detector': {'image_transport': 'raw'}})
+    raw_images = peer.publisher(Image, 'left/image_raw')
+    jpegs = peer.publisher(CompressedImage, 'left/image_raw/compressed')
+    centroids = peer.listen(PoseWithCovarianceStamped, 'left/centroid')
+    peer.connect(raw_images, inputs=('left/centroid',))
+    raw_images.publish(raw_message(1, 'bgr8'))
+    peer.wait_for(lambda: bool(centroids), 'a centroid')
+    assert jpegs.get_subscription_count() == 0
 
 
 def test_the_overlay_is_made_only_for_those_who_look(start, peer):

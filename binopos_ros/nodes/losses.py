@@ -1,0 +1,82 @@
+"""Messages that were sent and never came, by the numbers that the middleware gives them.
+
+The event `message_lost` tells only of what the transport knows to be gone: what a subscription's
+own full queue pushes out is not told. The numbers show both.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.event_handler import QoSMessageLostInfo, SubscriptionEventCallbacks
+
+NUMBER = 'publication_sequence_number'
+#: Publishers of one topic that are followed at a time: one, and one that took its place.
+MOST_PUBLISHERS = 4
+
+
+class Gaps:
+    """Counts what is missing in the numbers of a topic's messages.
+
+    Each publisher numbers its own messages by ones. A message is taken for one of the publisher
+    whose last number lies nearest below; one that lies below all begins a new one.
+    """
+
+    def __init__(self) -> None:
+        self._last: list[int] = []
+
+    def add(self, number: int) -> int:
+        """Take a message's number in; how many are missing before it."""
+        below = [last for last in self._last if last < number]
+        if not below:
+            self._last = [*self._last, number][-MOST_PUBLISHERS:]
+            return 0
+        nearest = max(below)
+        self._last.remove(nearest)
+        self._last.append(number)
+        return number - nearest - 1
+
+
+class Counted:
+    """A subscription's callback that counts what was lost before each message.
+
+    Args:
+        take: gets each message.
+        lose: gets the number of messages that were lost, where there are any.
+    """
+
+    #: rclpy asks a callback how many arguments it takes.
+    __signature__ = inspect.Signature(
+        [
+            inspect.Parameter(name, inspect.Parameter.POSITIONAL_ONLY)
+            for name in ('message', 'info')
+        ]
+    )
+
+    def __init__(self, take: Callable[[Any], None], lose: Callable[[int], None]) -> None:
+        self._take = take
+        self._lose = lose
+        self._gaps = Gaps()
+        self._numbered = False
+
+    def __call__(self, *arguments: Any) -> None:
+        """Take a message; the EventsExecutor of rclpy 7.1 gives it and its info as one tuple."""
+        message, info = arguments if len(arguments) > 1 else arguments[0]
+        self._count(info)
+        self._take(message)
+
+    def events(self) -> SubscriptionEventCallbacks:
+        """The events of the subscription: they count where the middleware numbers nothing."""
+        return SubscriptionEventCallbacks(message_lost=self._on_lost)
+
+    def _count(self, info: Mapping[str, int | None]) -> None:
+        number = info.get(NUMBER)
+        self._numbered = number is not None
+        if number is not None and (lost := self._gaps.add(number)):
+            self._lose(lost)
+
+    def _on_lost(self, event: QoSMessageLostInfo) -> None:
+        if not self._numbered:
+            self._lose(event.total_count_change)
