@@ -12,10 +12,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from binopos_ros.nodes.neighbours import intruders
+from binopos_ros.nodes.neighbours import Neighbours
 from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode
 from binopos_ros.reasons import Ledger, count_reason, shown
 
+DIAGNOSTICS = '/diagnostics'
 PERIOD = 1.0
 WINDOW = 10
 #: Keys of what became of pairs; the reasons of those that are lost come behind 'Pairs: '.
@@ -52,7 +53,7 @@ class StageDiagnostics:
         self._past: deque[_Counts] = deque(maxlen=WINDOW + 1)
         self._publisher = node.create_publisher(
             DiagnosticArray,
-            '/diagnostics',
+            DIAGNOSTICS,
             QoSProfile(depth=10),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
@@ -60,6 +61,7 @@ class StageDiagnostics:
             node.every(PERIOD, self.publish),
             node.every(LOOK_PERIOD, self._look_about),
         )
+        self._neighbours = Neighbours(node, DIAGNOSTICS)
         self._seen: dict[str, str] = {}
         self._intruders: dict[str, str] = {}
         self._remember()
@@ -132,7 +134,7 @@ class StageDiagnostics:
 
     def _look_about(self) -> None:
         # Seen twice, as one that has just ended is known for a moment longer.
-        seen = intruders(self._node, self._node.sole_topics)
+        seen = self._neighbours.intruders(self._node.sole_topics)
         found = {about: told for about, told in seen.items() if self._seen.get(about) == told}
         news = [told for about, told in found.items() if self._intruders.get(about) != told]
         self._seen, self._intruders = seen, found

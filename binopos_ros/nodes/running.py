@@ -88,7 +88,7 @@ def run(factories: Mapping[str, Callable[..., Node]], words: Sequence[str]) -> i
         print(f'binopos_ros: {error}', file=sys.stderr)
         return 2
     except (RCLError, UnknownROSArgsError) as error:
-        print(f'binopos_ros: the ROS arguments are refused: {one_line(error)}', file=sys.stderr)
+        print(f'binopos_ros: ROS does not start: {one_line(error)}', file=sys.stderr)
         return 2
     finally:
         for node in nodes:

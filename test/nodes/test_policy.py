@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from binopos_ros.nodes.compose import NODES
+from verbs import binopos
 
 pytestmark = pytest.mark.live
 
@@ -59,3 +60,23 @@ def test_it_allows_what_the_running_nodes_publish_hear_and_answer(start, peer, p
     peer.wait_for(complete, 'what they do')
     for (name, kind, verb), used in done.items():
         assert used <= allowed(profiles[name], kind, verb), (name, kind, verb)
+
+
+def test_every_node_asks_for_the_enclave_of_the_policy(ros_domain, project, tmp_path, monkeypatch):
+    """Enforced without its keys, a node does not start, and says which enclave it wants."""
+    enclaves = {
+        each.get('path')
+        for each in ET.parse(project / 'config' / 'sros2_policy.xml').iter('enclave')
+    }
+    (tmp_path / 'enclaves').mkdir()
+    monkeypatch.setenv('ROS_SECURITY_KEYSTORE', str(tmp_path))
+    monkeypatch.setenv('ROS_SECURITY_ENABLE', 'true')
+    monkeypatch.setenv('ROS_SECURITY_STRATEGY', 'Enforce')
+    for node in STARTED:
+        assert f'/binopos/{node}' in enclaves
+        done = binopos('run', '--enclaves', '/binopos', '--nodes', node)
+        assert done.returncode == 2
+        assert 'Traceback' not in done.stderr
+        folder = tmp_path / 'enclaves' / 'binopos' / node
+        assert 'ROS does not start: ' in done.stderr
+        assert f"SECURITY ERROR: directory '{folder}' does not exist" in done.stderr
