@@ -74,7 +74,8 @@ def test_every_node_asks_for_the_enclave_of_the_policy(ros_domain, project, tmp_
     monkeypatch.setenv('ROS_SECURITY_STRATEGY', 'Enforce')
     for node in STARTED:
         assert f'/binopos/{node}' in enclaves
-        done = binopos('run', '--enclaves', '/binopos', '--nodes', node)
+        straight = ('--ros-args', '-p', 'triangulator:method:=straight')
+        done = binopos('run', '--enclaves', '/binopos', '--nodes', node, *straight)
         assert done.returncode == 2
         assert 'Traceback' not in done.stderr
         folder = tmp_path / 'enclaves' / 'binopos' / node
