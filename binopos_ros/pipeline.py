@@ -40,10 +40,11 @@ class Located:
 
 @dataclass(frozen=True)
 class Dropped:
-    """Something that a stage could not use."""
+    """Something that a stage could not use: of a pair of pictures, or of the robot's motion."""
 
     stamp: int
     reason: str
+    of_pair: bool = True
 
 
 Event = Seen | Located | Dropped
@@ -117,7 +118,7 @@ class Pipeline:
         """Take a transform in: stamp (ns), parent, child, translation (m), quaternion."""
         reason = self._platform.tree.add(*transform, static=static)
         if reason:
-            yield Dropped(transform[0], f'platform: {reason}')
+            yield Dropped(transform[0], f'platform: {reason}', of_pair=False)
         elif not static:
             yield from self._smooth_ready(transform[0])
 
@@ -127,7 +128,7 @@ class Pipeline:
         """Take the robot's pose in: fixed and child frame, position (m) and quaternion, (6, 6)."""
         reason = self._platform.odometry.add(stamp, *frames, *pose, covariance)
         if reason:
-            yield Dropped(stamp, f'platform: {reason}')
+            yield Dropped(stamp, f'platform: {reason}', of_pair=False)
         yield from self._smooth_ready(stamp)
 
     def flush(self) -> Iterator[Event]:

@@ -46,6 +46,14 @@ class Ledger:
         """Count a pair that gave nothing."""
         count_reason(self.lost, reason)
 
+    def settle(self, reason: str = '') -> None:
+        """Count a pair from its coming to its end: '' where it gave a result."""
+        self.taken += 1
+        if reason:
+            self.lose(reason)
+        else:
+            self.used += 1
+
 
 def shown(reason: str) -> str:
     """The reason as text of one line and of limited length."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.pairing import Pair, PairMatcher, Unpaired
 from binopos_ros.pipeline import Dropped, Event, Located
 from binopos_ros.reasons import count_reason
+from binopos_ros.smoothing.stage import LATE
 
 MILLI = 1e3
 
@@ -51,44 +53,110 @@ class Track:
 
 
 @dataclass
+class Fates:
+    """What became of pairs, by the stamps of what was dropped and of the poses.
+
+    Args:
+        tolerance: largest difference between the stamps of a pair, nanoseconds; None takes half of
+            the frame period.
+    """
+
+    tolerance: int | None = None
+    pairs: list[tuple[int, int]] = field(default_factory=list)
+    unpaired: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self._matcher: PairMatcher[int] = PairMatcher(self.tolerance)
+        self._reasons: dict[int, tuple[int, str]] = {}
+
+    @classmethod
+    def within(cls, seconds: float | None) -> Fates:
+        """The fates of pairs whose stamps differ so much at most; 0 and None: see `tolerance`."""
+        return cls(round(seconds * 1e9) if seconds else None)
+
+    def saw(self, side: str, stamp: int) -> None:
+        """Take a picture's stamp in, nanoseconds."""
+        self._sort(self._matcher.add(side, stamp, stamp))
+
+    def end(self) -> None:
+        """Give up on pictures that still wait for a partner."""
+        self._sort(self._matcher.flush())
+
+    def drop(self, stamp: int, reason: str) -> None:
+        """Take in why something of that stamp was dropped; the first reason counts."""
+        self._reasons.setdefault(stamp, (len(self._reasons), reason))
+
+    def lost(self, poses: Collection[int]) -> Counter[str]:
+        """Why pairs gave no pose: each counts for one reason, and is left out where it gave one.
+
+        Args:
+            poses: stamps of the poses, nanoseconds.
+        """
+        lost: Counter[str] = Counter()
+        given = set(poses)
+        for left, right in self.pairs:
+            if left not in given:
+                told = [self._reasons[each] for each in (left, right) if each in self._reasons]
+                count_reason(lost, min(told)[1] if told else LATE)
+        return lost
+
+    def _sort(self, events: Iterable[Pair[int] | Unpaired[int]]) -> None:
+        for event in events:
+            if isinstance(event, Pair):
+                self.pairs.append((event.left, event.right))
+            else:
+                self.unpaired[event.side] += 1
+
+
+@dataclass
 class Report:
-    """The table that `replay` and `process` end with."""
+    """The table that `replay` and `process` end with.
+
+    The pairs seen are the poses and the pairs dropped, one reason each. `drops` are counted by the
+    live nodes; offline they follow from `fates`.
+    """
 
     drops: Counter[str] = field(default_factory=Counter)
+    #: What was left out that is no pair of pictures: damaged messages, transforms.
+    others: Counter[str] = field(default_factory=Counter)
+    fates: Fates = field(default_factory=Fates)
     latencies: array[float] = field(default_factory=lambda: array('d'))
     raw: Track = field(default_factory=Track)
     filtered: Track = field(default_factory=Track)
     truth: Track = field(default_factory=Track)
     fixed_truth: Track = field(default_factory=Track)
     fixed_frame: str = ''
-    images: Counter[str] = field(default_factory=Counter)
     parameters: Sequence[str] = ()
     notes: Counter[str] = field(default_factory=Counter)
 
     @property
     def seen(self) -> int:
-        """Pairs that the rig took: as many as there are images of the camera with fewer."""
-        return min(self.images['left'], self.images['right'])
-
-    def saw(self, side: str) -> None:
-        """Count an image."""
-        self.images[side] += 1
+        """Pairs that the rig took, by the stamps of its pictures."""
+        return len(self.fates.pairs)
 
     def add(self, event: Event) -> None:
         """Count what the pipeline made of an image."""
         if isinstance(event, Dropped):
-            self.drop(event.reason)
+            if event.of_pair:
+                self.fates.drop(event.stamp, event.reason)
+            else:
+                count_reason(self.others, event.reason)
         elif isinstance(event, Located):
             self.raw.add(event.position.stamp, event.position.point)
             if event.pose is not None:
                 self.filtered.add(event.pose.stamp, event.pose.state.position)
+
+    def conclude(self) -> None:
+        """Count the pairs that gave no pose, once nothing more is added."""
+        self.fates.end()
+        self.drops += self.fates.lost(self.filtered.stamps)
 
     def note(self, line: str) -> None:
         """Say something of the bag, with its count where it is said again."""
         self.notes[line] += 1
 
     def drop(self, reason: str, count: int = 1) -> None:
-        """Count a drop; figures in the reason do not part it from its like."""
+        """Count pairs that gave no pose; figures in the reason do not part it from its like."""
         count_reason(self.drops, reason, count)
 
     def __str__(self) -> str:
@@ -105,6 +173,11 @@ class Report:
         ]
         if not self.drops:
             rows.append(('dropped', '0'))
+        rows += [
+            (f'{side} pictures without a partner', str(count))
+            for side, count in sorted(self.fates.unpaired.items())
+        ]
+        rows += [(f'left out: {reason}', str(count)) for reason, count in self.others.items()]
         if self.latencies:
             median, high = np.percentile(self.latencies, [50, 99]) * MILLI
             rows.append(('latency from stamp to pose, median', f'{median:.1f} ms'))

@@ -40,7 +40,7 @@ MAY_IMPORT: dict[str, frozenset[str]] = {
     # All stages behind one object, what a run tells, and what each node may be told.
     'tracker': STAGES - {'capture', 'detection', 'calibration', 'simulation', 'bag'},
     'pipeline': STAGES - {'capture', 'calibration', 'simulation', 'bag'} | {'arrivals', 'tracker'},
-    'report': frozenset({'pipeline', 'pairing'}),
+    'report': frozenset({'pipeline', 'pairing', 'smoothing'}),
     'parameter_files': frozenset(),
     'node_options': STAGES | {'parameter_files', 'arrivals'},
     'evaluation': STAGES | {'tracker', 'pipeline', 'report'},

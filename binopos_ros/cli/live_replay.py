@@ -12,7 +12,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import CameraInfo as CameraInfoMessage
 
-from binopos_ros.bag import messages
+from binopos_ros.bag import Record, messages
 from binopos_ros.bag.definitions import jazzy
 from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.cli.rig_bag import RigBag
@@ -24,6 +24,7 @@ from binopos_ros.nodes.player import offer_controls
 from binopos_ros.nodes.playing import Latched, Player
 from binopos_ros.nodes.running import overrides, stop_on_signals
 from binopos_ros.optics import CameraInfo
+from binopos_ros.reasons import count_reason
 from binopos_ros.report import Report
 
 #: Seconds for the nodes to come up and find each other.
@@ -98,7 +99,7 @@ class Replay:
             namespace=self._namespace,
             parameter_overrides=overrides(self._parameters.given('player')),
         )
-        player = Player(node, self._bag, self._options, self._latched)
+        player = Player(node, self._bag, self._options, self._latched, self._on_published)
         offer_controls(node, player)
         monitor = Monitor(self._namespace, self._report, player.wall_time_of)
         executor: Executor = EventsExecutor()
@@ -116,15 +117,21 @@ class Replay:
             executor.shutdown()
             monitor.destroy_node()
             node.destroy_node()
-        for topic, count in player.counts.items():
-            role = self._bag.rig.roles.get(topic)
-            if role is not None and role.is_image:
-                self._report.images[role.side] += count
+        self._report.fates.end()
+        monitor.account(
+            at_stamps=not self._parameters.of_node('smoother').get('output_rate'),
+            interrupted=self.interrupted,
+        )
         for note in (*self._bag.rig.notes, *self._bag.notes):
             self._report.note(note)
         for reason, count in self._bag.dropped.items():
-            self._report.drop(reason, count)
+            count_reason(self._report.others, reason, count)
         return problem
+
+    def _on_published(self, record: Record) -> None:
+        role = self._bag.rig.roles.get(record.topic)
+        if role is not None and role.is_image:
+            self._report.fates.saw(role.side, messages.serialized_stamp(record.data))
 
     def _wait_for_nodes(self, executor: Executor, monitor: Monitor, supervisor: Supervisor) -> str:
         """Spin until the nodes are connected; '' or why they are not."""

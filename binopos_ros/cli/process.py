@@ -33,8 +33,9 @@ from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
 from binopos_ros.detection.images import halves, image_of
 from binopos_ros.detection.stage import try_decode
 from binopos_ros.optics import CameraInfo, OpticsError
-from binopos_ros.pipeline import Dropped, Event, Located, Pipeline
-from binopos_ros.report import Report
+from binopos_ros.pipeline import Event, Located, Pipeline
+from binopos_ros.reasons import count_reason
+from binopos_ros.report import Fates, Report
 from binopos_ros.sides import SIDES
 
 HELP = 'run a bag through the same stages offline, every pair, as fast as possible'
@@ -94,6 +95,7 @@ def main(arguments: argparse.Namespace) -> int:
         report.parameters = told_sources(arguments, parameters)
         values = {name: parameters.of_node(name) for name in STAGES}
         pipeline = Pipeline(values)
+        report.fates = Fates.within(values['triangulator'].get('pair_tolerance'))
         report.fixed_frame = pipeline.fixed_frame
         topics = with_platform(topics, reader, pipeline.platform_source, arguments.remap)
         for side in SIDES:
@@ -114,6 +116,7 @@ def main(arguments: argparse.Namespace) -> int:
             output.write(event)
             if table is not None and isinstance(event, Located):
                 table.write(event)
+    report.conclude()
     print(f'{arguments.bag} -> {arguments.output}')
     print(report)
     if not report.raw.stamps:
@@ -165,7 +168,7 @@ def _events(
         try:
             message = reader.decode(record)
         except BagError as error:
-            yield Dropped(record.stamp_ns, str(error))
+            count_reason(report.others, str(error))
             continue
         if role.kind == 'truth':
             report.truth.add(messages.stamp_of(message), messages.position_of(message))
@@ -182,11 +185,11 @@ def _events(
             waiting.append(_Calibration(role.side, info))
         else:
             sides = SIDES if role.side == BOTH else (role.side,)
+            stamp = messages.stamp_of(message)
             for side in sides:
-                report.saw(side)
+                report.fates.saw(side, stamp)
             if not message.header.frame_id:
                 report.note(f'{record.topic}: frame_id is empty, so that positions have no frame')
-            stamp = messages.stamp_of(message)
             decoded = pool.submit(_decoded, image_of(message), len(sides))
             waiting.append(_Images(sides, stamp, message.header.frame_id, decoded))
         while len(waiting) > READ_AHEAD:

@@ -24,7 +24,7 @@ from binopos_ros.cli.transport import transport_environment
 from binopos_ros.node_options import NAMESPACE, Parameters
 from binopos_ros.nodes.ros import require_ros
 from binopos_ros.parameters import build
-from binopos_ros.report import Report
+from binopos_ros.report import Fates, Report
 
 HELP = 'play a bag through the live nodes and report what comes out'
 
@@ -105,7 +105,10 @@ def main(arguments: argparse.Namespace) -> int:
             arguments.enclaves,
         )
         os.environ.update(transport_environment())
-        report = Report(parameters=told_sources(arguments, parameters))
+        report = Report(
+            parameters=told_sources(arguments, parameters),
+            fates=Fates.within(parameters.of_node('triangulator').get('pair_tolerance')),
+        )
         options = _player_options(arguments, parameters, bag, clock)
         replay = Replay(bag, options, parameters, calibration, report)
         problem = replay.run(supervisor, enclave_words(arguments.enclaves, ['player']))

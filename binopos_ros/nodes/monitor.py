@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -11,13 +11,16 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+from binopos_ros.nodes.diagnostics import PAIRS, PAIRS_USED
 from binopos_ros.nodes.neighbours import publishers_of
 from binopos_ros.nodes.shell import sensor_data
+from binopos_ros.reasons import Ledger, count_reason
 from binopos_ros.report import Report, pose_text
 
 #: What must be published and subscribed to before the suite passes anything through.
 CHAIN = ('left/centroid', 'right/centroid', 'target/position')
-DROPPED = 'Dropped: '
+#: The nodes that pairs pass through, in this order.
+STAGES = ('detector', 'triangulator', 'smoother')
 
 
 class Monitor(Node):
@@ -38,7 +41,8 @@ class Monitor(Node):
         self.last_diagnostics: dict[str, float] = {}
         self._report = report
         self._wall_time_of = wall_time_of
-        self._counts: dict[tuple[str, str], int] = {}
+        self.ledgers = {node: Ledger() for node in STAGES}
+        self._values: dict[str, dict[str, str]] = {}
         pose = PoseWithCovarianceStamped
         self.create_subscription(pose, 'target/position', self._on_position, sensor_data())
         self.create_subscription(pose, 'target/pose', self._on_pose, sensor_data())
@@ -104,14 +108,54 @@ class Monitor(Node):
                 # Of another rig on this domain.
                 continue
             self.last_diagnostics[node] = time.monotonic()
-            for item in status.values:
-                if item.key.startswith(DROPPED):
-                    self._count(node, item.key.removeprefix(DROPPED), int(item.value))
+            self._count(node, {item.key: item.value for item in status.values})
 
-    def _count(self, node: str, reason: str, count: int) -> None:
-        before = self._counts.get((node, reason), 0)
-        self._counts[(node, reason)] = count
-        # A node that was started again counts from nought.
-        new = count - before if count >= before else count
-        if new:
-            self._report.drop(reason if node != 'smoother' else f'smoother: {reason}', new)
+    def account(self, at_stamps: bool, interrupted: bool) -> None:
+        """Count in the report what became of the pairs that gave no pose, by the nodes' own books.
+
+        What one node handed on and the next never had was lost on the way between them, or with
+        the books of a node that died.
+
+        Args:
+            at_stamps: whether the smoother gives one pose for each pair that it uses.
+            interrupted: whether pairs may still be on their way, and books a second old.
+        """
+        for node, ledger in self.ledgers.items():
+            for reason, count in ledger.lost.items():
+                self._lose(f'smoother: {reason}' if node == 'smoother' else reason, count)
+        poses = len(self._report.filtered.stamps)
+        if interrupted:
+            rest = self._report.seen - self._report.drops.total() - poses
+            self._lose('on their way when it was interrupted', rest)
+            return
+        handed_on = self._report.seen
+        for node, ledger in self.ledgers.items():
+            self._lose(f'did not reach the {node}', handed_on - ledger.taken)
+            ended = ledger.used + ledger.lost.total()
+            self._lose(f'unfinished in the {node}', ledger.taken - ended)
+            handed_on = ledger.used
+        if at_stamps:
+            self._lose('did not come back from the smoother', handed_on - poses)
+
+    def _lose(self, reason: str, count: int) -> None:
+        if count > 0:
+            self._report.drop(reason, count)
+
+    def _count(self, node: str, values: Mapping[str, str]) -> None:
+        if node not in self.ledgers:
+            return
+        ledger, before = self.ledgers[node], self._values.get(node, {})
+        if int(values.get(PAIRS, 0)) < int(before.get(PAIRS, 0)):
+            # A node that was started again counts from nought.
+            before = {}
+        for key, value in values.items():
+            if not key.startswith(PAIRS):
+                continue
+            new = int(value) - int(before.get(key, 0))
+            if key == PAIRS:
+                ledger.taken += new
+            elif key == PAIRS_USED:
+                ledger.used += new
+            elif new:
+                count_reason(ledger.lost, key.removeprefix(f'{PAIRS}: '), new)
+        self._values[node] = dict(values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from rclpy.duration import Duration
@@ -54,7 +54,8 @@ class Player:
 
     `start` returns at once. The thread waits for subscribers, plays, waits for acknowledgements
     and sets `finished`. The node must not be destroyed before `stop` has returned. `latched`
-    messages, by topic, take the place of all that the bag has on those topics.
+    messages, by topic, take the place of all that the bag has on those topics. `told` gets each
+    record once it is published, in that thread.
 
     Attributes:
         counts: messages published so far, by their topic in the bag.
@@ -73,6 +74,7 @@ class Player:
         reader: Playable,
         options: PlayerOptions | None = None,
         latched: Mapping[str, Latched] | None = None,
+        told: Callable[[Record], None] = lambda _: None,
     ) -> None:
         self.options = options or PlayerOptions()
         self.counts: Counter[str] = Counter()
@@ -88,6 +90,7 @@ class Player:
         self._steps = 0
         self._silent: list[Publisher] = []
         self._latched = latched or {}
+        self._told = told
         self._publishers = self._make_publishers()
         self._offer_latched()
         self._clock = (
@@ -299,6 +302,7 @@ class Player:
 
     def _publish(self, record: Record) -> None:
         self._publishers[record.topic].publish(record.data)
+        self._told(record)
         self.counts[record.topic] += 1
 
     def _tick(self, now: float) -> None:

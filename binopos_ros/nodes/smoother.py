@@ -19,7 +19,7 @@ from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.markers import no_markers, target_markers
 from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode
 from binopos_ros.smoothing.parts import PARTS, PartsJoiner, Whole
-from binopos_ros.smoothing.stage import Pose, Smoother, SmootherOptions, filter_options_type
+from binopos_ros.smoothing.stage import LATE, Pose, Smoother, SmootherOptions, filter_options_type
 
 
 class SmootherNode(StageNode):
@@ -88,6 +88,7 @@ class SmootherNode(StageNode):
                 self._diagnostics.drop(reason)
             if pose is not None and self._options.output_rate == 0:
                 self._publish(pose)
+            self._diagnostics.pairs.settle('' if pose is not None else reason or LATE)
 
     def _on_tick(self) -> None:
         pose = self._smoother.predict(self.get_clock().now().nanoseconds)

@@ -82,6 +82,8 @@ class TriangulatorNode(StageNode):
         for result in results:
             if isinstance(result, Drop):
                 self._diagnostics.drop(result.reason)
+                if result.is_pair:
+                    self._diagnostics.pairs.settle(result.reason)
                 continue
             # The parts first, so that nobody has to wait for them.
             for name, part in (('systematic', result.systematic), ('medium', result.medium)):
@@ -95,6 +97,7 @@ class TriangulatorNode(StageNode):
             self._index.publish(index)
             self._newest = result.index
             self._diagnostics.published += 1
+            self._diagnostics.pairs.settle()
 
     def _publish(self, name: str, position: Position, covariance: NDArray[np.float64]) -> None:
         self._places[name].publish(
@@ -102,7 +105,7 @@ class TriangulatorNode(StageNode):
         )
 
     def _details(self) -> dict[str, object]:
-        details: dict[str, object] = {'Pairs': self._triangulator.pairs}
+        details: dict[str, object] = {}
         level = self._triangulator.wave_level
         if level is not None:
             details["Waves in the rays' miss (pixel noises)"] = f'{level:.2f}'

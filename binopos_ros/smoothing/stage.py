@@ -52,6 +52,10 @@ def filter_options_type(method: str) -> type[Options]:
     return FILTERS[method].options_class
 
 
+#: Of a position that gives no pose though it was used: it mends the state that newer ones gave.
+LATE = 'late: the pose of a newer one is out already'
+
+
 @dataclass(frozen=True)
 class Pose:
     """A filtered target: `stamp` in nanoseconds, the filter's state at that stamp."""

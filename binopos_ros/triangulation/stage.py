@@ -49,10 +49,11 @@ class Position(Place):
 
 @dataclass(frozen=True)
 class Drop:
-    """Something that gave no position, and why."""
+    """Something that gave no position, and why: a pair, or a centroid without a partner."""
 
     stamp: int
     reason: str
+    is_pair: bool = True
 
 
 class _Seen(NamedTuple):
@@ -122,7 +123,7 @@ class Triangulator:
                 self.pairs += 1
                 self._early.append(event)
             else:
-                yield Drop(event.stamp, event.reason)
+                yield Drop(event.stamp, event.reason, is_pair=False)
         if self._locator is not None:
             while self._early:
                 yield self._triangulate(self._locator, self._early.popleft())
@@ -133,7 +134,7 @@ class Triangulator:
     def flush(self) -> Iterator[Drop]:
         """Give up on what waits for a partner or a calibration, at the end of a recording."""
         for event in self._matcher.flush():
-            yield Drop(event.stamp, event.reason)
+            yield Drop(event.stamp, event.reason, is_pair=False)
         while self._early:
             early = self._early.popleft()
             yield Drop(early.left.centroid.stamp, self._missing_calibration())

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import csv
+import os
 import re
+import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +19,7 @@ import pytest
 
 from binopos_ros.bag import BagReader
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+from binopos_ros.nodes.supervised import STARTER
 from verbs import binopos, simulated
 
 rclpy = pytest.importorskip('rclpy', reason='rclpy is not installed')
@@ -23,6 +27,7 @@ rclpy = pytest.importorskip('rclpy', reason='rclpy is not installed')
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue  # noqa: E402
 from geometry_msgs.msg import PoseWithCovarianceStamped  # noqa: E402
 from rclpy.node import Node  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
 
 pytestmark = pytest.mark.live
 
@@ -65,15 +70,28 @@ def test_every_pair_reaches_the_pose_and_agrees_with_process(bag, offline, ros_d
         text=True,
     )
     assert 'recording to' in recorder.stderr.readline()
-    done = binopos('replay', bag, *EVERY)
+    replay = subprocess.Popen(
+        [sys.executable, '-m', 'binopos_ros', 'replay', str(bag), '--start-paused', *EVERY],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    awaited = {POSE, '/stereo/target/position'}
+    while awaited:
+        # Not before the recorder hears all that it is to record.
+        awaited -= {recorder.stderr.readline().split()[-1]}
+    with neighbour() as node:
+        resume = node.create_client(Trigger, 'player/resume')
+        assert resume.wait_for_service(60.0)
+        resume.call(Trigger.Request())
+        out, _ = replay.communicate(timeout=120)
     recorder.send_signal(2)
-    _, errors = recorder.communicate(timeout=10)
-    assert done.returncode == 0, done.stderr
+    _, errors = recorder.communicate(timeout=60)
+    assert replay.returncode == 0
     assert recorder.returncode == 0, errors
     for name in ('pairs seen', 'pairs used', 'poses'):
-        assert figure(done.stdout, name) == str(PAIRS)
-    assert figure(done.stdout, 'dropped') == '0'
-    assert 'latency from stamp to pose, median' in done.stdout
+        assert figure(out, name) == str(PAIRS)
+    assert figure(out, 'dropped') == '0'
+    assert 'latency from stamp to pose, median' in out
     with BagReader(tmp_path / 'live') as reader:
         live = {}
         for topic, part in ((POSE, slice(0, 3)), ('/stereo/target/position', slice(3, 6))):
@@ -89,6 +107,62 @@ def test_every_pair_reaches_the_pose_and_agrees_with_process(bag, offline, ros_d
     again = binopos('process', tmp_path / 'live', '-o', tmp_path / 'again.mcap')
     assert again.returncode == 0, again.stderr
     assert figure(again.stdout, 'pairs used') == str(PAIRS)
+
+
+def check_sum(report: str) -> dict[str, int]:
+    """Pairs by the reason why they gave no pose; fails where they and the poses are not all."""
+    found = re.findall(r'^  dropped: (.*?) +(\d+)$', report, re.MULTILINE)
+    dropped = {reason: int(count) for reason, count in found}
+    total = int(figure(report, 'poses')) + sum(dropped.values())
+    assert int(figure(report, 'pairs seen')) == total, report
+    return dropped
+
+
+def test_pairs_seen_are_poses_and_reasons_whatever_holds_the_nodes_up(bag, ros_domain):
+    """The detector and the triangulator stand still for a while, and go on."""
+    running = subprocess.Popen(
+        [sys.executable, '-m', 'binopos_ros', 'replay', str(bag), '--rate', '0.3'],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert ' s   x ' in running.stdout.readline()
+    for name in ('detector', 'triangulator'):
+        (pid,) = processes(running.pid, name)
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(1.2)
+        os.kill(pid, signal.SIGCONT)
+    report, errors = running.communicate(timeout=90)
+    assert running.returncode == 0, errors
+    assert figure(report, 'pairs seen') == str(PAIRS)
+    assert 'overtaken by a newer pair' in check_sum(report)
+
+
+def test_an_interrupted_replay_accounts_for_its_pairs_too(bag, ros_domain):
+    running = subprocess.Popen(
+        [sys.executable, '-m', 'binopos_ros', 'replay', str(bag), '--loop'],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert ' s   x ' in running.stdout.readline()
+    running.send_signal(signal.SIGINT)
+    report, _ = running.communicate(timeout=60)
+    assert running.returncode == 130
+    check_sum(report)
+
+
+def processes(parent: int, name: str) -> list[int]:
+    """Process ids of a parent's nodes of that name."""
+    found = []
+    for entry in Path('/proc').glob('[0-9]*'):
+        try:
+            words = (entry / 'cmdline').read_bytes().decode().split('\0')
+            stat = (entry / 'stat').read_text()
+        except OSError:
+            continue
+        if STARTER in words and name in words and f' {parent} ' in stat.rpartition(')')[2]:
+            found.append(int(entry.name))
+    return found
 
 
 def test_it_shows_the_pose_as_it_goes_one_line_per_second(bag, ros_domain):
