@@ -13,7 +13,7 @@ from binopos_ros.detection.stage import stages_of_pair
 from binopos_ros.optics import CameraInfo
 from binopos_ros.parameters import build, specs_of
 from binopos_ros.platform import FixedFrameOptions, Platform, WaitingRoom
-from binopos_ros.smoothing.stage import Pose, Smoother, make_smoother
+from binopos_ros.smoothing.stage import Pose, make_smoother
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
 
@@ -65,7 +65,10 @@ class Pipeline:
         detection = build(DetectorOptions, _of_stage(parameters['detector']))
         self._cameras = stages_of_pair(detection)
         self._triangulator = Triangulator(build(TriangulatorOptions, parameters['triangulator']))
-        self._platform, self._smoother = make_smoothing(parameters['smoother'])
+        smoothing = parameters['smoother']
+        self._platform = make_platform(smoothing)
+        fixed = specs_of(FixedFrameOptions)
+        self._smoother = make_smoother({k: v for k, v in smoothing.items() if k not in fixed})
         own = self._platform.options.platform
         # Nobody waits here: what comes after a gap is of no use.
         self._waiting: WaitingRoom[Position] = WaitingRoom(
@@ -73,14 +76,9 @@ class Pipeline:
         )
 
     @property
-    def fixed_frame(self) -> str:
-        """Frame of the poses; '': that of the rig."""
-        return self._platform.options.fixed_frame
-
-    @property
-    def platform_source(self) -> str:
-        """Where the robot's pose has to come from: 'none', 'tf' or 'odometry'."""
-        return self._platform.options.platform.source if self._platform.active else 'none'
+    def platform(self) -> Platform:
+        """Where the rig is in the fixed frame."""
+        return self._platform
 
     def set_camera(self, side: str, info: CameraInfo) -> None:
         """Take a camera's calibration.
@@ -172,16 +170,14 @@ class Pipeline:
                 yield Dropped(position.stamp, f'smoother: {reason}')
 
 
-def make_smoothing(values: Mapping[str, Any]) -> tuple[Platform, Smoother]:
-    """The platform and the smoothing stage from the flat parameter values of the smoother.
+def make_platform(values: Mapping[str, Any]) -> Platform:
+    """The platform from the flat parameter values of the smoother, among which are its own.
 
     Raises:
-        ParameterError, PlatformError, SmoothingError: the values cannot be used.
+        ParameterError, PlatformError: the values cannot be used.
     """
-    fixed = specs_of(FixedFrameOptions)
-    options = build(FixedFrameOptions, {k: v for k, v in values.items() if k in fixed})
-    smoother = make_smoother({k: v for k, v in values.items() if k not in fixed})
-    return Platform(options), smoother
+    own = specs_of(FixedFrameOptions)
+    return Platform(build(FixedFrameOptions, {k: v for k, v in values.items() if k in own}))
 
 
 def _of_stage(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -96,8 +96,8 @@ def main(arguments: argparse.Namespace) -> int:
         values = {name: parameters.of_node(name) for name in STAGES}
         pipeline = Pipeline(values)
         report.fates = Fates.within(values['triangulator'].get('pair_tolerance'))
-        report.fixed_frame = pipeline.fixed_frame
-        topics = with_platform(topics, reader, pipeline.platform_source, arguments.remap)
+        report.fixed_frame = pipeline.platform.options.fixed_frame
+        topics = with_platform(topics, reader, pipeline.platform.source, arguments.remap)
         for side in SIDES:
             info = calibration.get(side) or next(calibrations(reader, topics, side))
             pipeline.set_camera(side, info)

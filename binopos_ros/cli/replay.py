@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from binopos_ros.bag import BagReader
+from binopos_ros.bag.platform_topics import with_platform
 from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.cli.config import (
     add_calibration_argument,
@@ -24,6 +25,7 @@ from binopos_ros.cli.transport import transport_environment
 from binopos_ros.node_options import NAMESPACE, Parameters
 from binopos_ros.nodes.ros import require_ros
 from binopos_ros.parameters import build
+from binopos_ros.pipeline import make_platform
 from binopos_ros.report import Fates, Report
 
 HELP = 'play a bag through the live nodes and report what comes out'
@@ -87,11 +89,13 @@ def main(arguments: argparse.Namespace) -> int:
 
     with BagReader(arguments.bag) as reader:
         found, calibration = rig_of(reader, arguments)
-        bag = RigBag(reader, found, arguments.remap)
         namespace = found.namespace or '/'
         parameters = live_parameters(arguments, arguments.bag, namespace)
         for name in NODES:
             parameters.check(name)
+        platform = make_platform(parameters.of_node('smoother'))
+        found = with_platform(found, reader, platform.source, arguments.remap)
+        bag = RigBag(reader, found, arguments.remap)
         clock = _clock(arguments, parameters)
         words = ['-p', 'use_sim_time:=true'] if clock else []
         if arguments.wait_for_all_acked is not None and arguments.wait_for_all_acked >= 0:
@@ -108,6 +112,7 @@ def main(arguments: argparse.Namespace) -> int:
         report = Report(
             parameters=told_sources(arguments, parameters),
             fates=Fates.within(parameters.of_node('triangulator').get('pair_tolerance')),
+            fixed_frame=platform.options.fixed_frame,
         )
         options = _player_options(arguments, parameters, bag, clock)
         replay = Replay(bag, options, parameters, calibration, report)

@@ -13,6 +13,7 @@ import cv2
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
+from std_srvs.srv import SetBool
 
 from binopos_ros.arrivals import ArrivalOptions, Arrivals, Picture
 from binopos_ros.bag.messages import stamp_of
@@ -30,6 +31,7 @@ from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.pictures import Pictures
 from binopos_ros.nodes.shell import StageNode, every_message
+from binopos_ros.nodes.triggers import offer_triggers
 from binopos_ros.optics.camera_info_message import read_camera_info_message
 from binopos_ros.sides import SIDES
 
@@ -65,6 +67,11 @@ class DetectorNode(StageNode):
             side: self.publisher(CompressedImage, f'{side}/overlay/compressed') for side in SIDES
         }
         self._log_decoder()
+        self._enabled = True
+        self.create_service(SetBool, '~/enable', self._on_enable)
+        offer_triggers(
+            self, {'start': partial(self._enable, True), 'stop': partial(self._enable, False)}
+        )
         for side in SIDES:
             self.latched_subscription(
                 CameraInfo, f'{side}/camera_info', partial(self._on_camera_info, side)
@@ -103,6 +110,15 @@ class DetectorNode(StageNode):
         for stage in self._stages.values():
             stage.configure(options)
 
+    def _enable(self, enabled: bool) -> tuple[bool, str]:
+        """Go on, or leave pictures alone: then they are not even decoded."""
+        self._enabled = enabled
+        return True, 'detecting' if enabled else 'pictures are left alone'
+
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.success, response.message = self._enable(request.data)
+        return response
+
     def _on_camera_info(self, side: str, message: CameraInfo) -> None:
         problem = ''
         try:
@@ -112,6 +128,8 @@ class DetectorNode(StageNode):
         self._diagnostics.judge_input(f'{side}/camera_info', problem)
 
     def _on_picture(self, side: str, message: CompressedImage | Image) -> None:
+        if not self._enabled:
+            return
         self._diagnostics.received[f'{side}/image_raw'] += 1
         self._count(self._arrivals.add(side, stamp_of(message), message))
 
@@ -180,7 +198,7 @@ class DetectorNode(StageNode):
         self._overlays[side].publish(message)
 
     def _details(self) -> dict[str, object]:
-        details: dict[str, object] = {}
+        details: dict[str, object] = {} if self._enabled else {'Enabled': False}
         for side, pictures in self._pictures.items():
             details[f'{side}: pictures'] = pictures.form
         for side, count in sorted(self._arrivals.unpaired.copy().items()):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -15,7 +16,7 @@ from binopos_ros.nodes.diagnostics import PAIRS, PAIRS_USED
 from binopos_ros.nodes.neighbours import publishers_of
 from binopos_ros.nodes.shell import sensor_data
 from binopos_ros.reasons import Ledger, count_reason
-from binopos_ros.report import Report, pose_text
+from binopos_ros.report import Report, Track, pose_text
 
 #: What must be published and subscribed to before the suite passes anything through.
 CHAIN = ('left/centroid', 'right/centroid', 'target/position')
@@ -46,7 +47,11 @@ class Monitor(Node):
         pose = PoseWithCovarianceStamped
         self.create_subscription(pose, 'target/position', self._on_position, sensor_data())
         self.create_subscription(pose, 'target/pose', self._on_pose, sensor_data())
-        self.create_subscription(pose, 'truth/pose', self._on_truth, sensor_data())
+        for topic, truth in (
+            ('truth/pose', report.truth),
+            ('truth/fixed_pose', report.fixed_truth),
+        ):
+            self.create_subscription(pose, topic, partial(_on_truth, truth), sensor_data())
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, QoSProfile(depth=20)
         )
@@ -97,9 +102,6 @@ class Monitor(Node):
         if due is not None:
             self._report.latencies.append(now - due)
         self.newest = pose_text(stamp, position_of(message), covariance_of(message)[:3, :3])
-
-    def _on_truth(self, message: PoseWithCovarianceStamped) -> None:
-        self._report.truth.add(stamp_of(message), position_of(message))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -159,3 +161,7 @@ class Monitor(Node):
             elif new:
                 count_reason(ledger.lost, key.removeprefix(f'{PAIRS}: '), new)
         self._values[node] = dict(values)
+
+
+def _on_truth(truth: Track, message: PoseWithCovarianceStamped) -> None:
+    truth.add(stamp_of(message), position_of(message))

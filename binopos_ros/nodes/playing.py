@@ -30,6 +30,7 @@ from binopos_ros.nodes.interfaces import playable_class
 from binopos_ros.nodes.neighbours import publishers_of
 from binopos_ros.nodes.offers import profile_offered
 from binopos_ros.nodes.shell import POLICIES, one_line
+from binopos_ros.nodes.transforms import TF, TF_STATIC
 
 #: What the stages subscribe to, foremost first: a bag that holds the first plays through all.
 INPUTS = (
@@ -222,7 +223,8 @@ class Player:
         for topic in self.topics:
             name = self._publishers[topic].topic_name
             others = set(publishers_of(self._node, name)) - {own}
-            if others:
+            # Transforms are of many publishers, each with frames of its own.
+            if others and name not in (TF, TF_STATIC):
                 # Not destroyed: the node may be spinning in another thread.
                 self._silent.append(self._publishers.pop(topic))
                 reason = f'{" and ".join(sorted(others))} publishes it already'

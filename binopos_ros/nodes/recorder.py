@@ -24,6 +24,8 @@ from binopos_ros.nodes.triggers import offer_triggers
 from binopos_ros.sides import SIDES
 
 POSE = 'geometry_msgs/msg/PoseWithCovarianceStamped'
+#: Which no wheel has: where it is not installed, transforms are heard of and not recorded.
+TFMESSAGE = 'tf2_msgs/msg/TFMessage'
 #: The suite's topics, relative to the node's namespace, and their types.
 SUITE = {
     f'{side}/{topic}': kind
@@ -41,7 +43,12 @@ SUITE = {
     'target/refractive_index': 'geometry_msgs/msg/Vector3Stamped',
     'target/pose': POSE,
     'target/odometry': 'nav_msgs/msg/Odometry',
+    'target/pose_stamped': 'geometry_msgs/msg/PoseStamped',
+    'target/health': 'diagnostic_msgs/msg/DiagnosticStatus',
     'target/markers': 'visualization_msgs/msg/MarkerArray',
+    'platform/odometry': 'nav_msgs/msg/Odometry',
+    '/tf': TFMESSAGE,
+    '/tf_static': TFMESSAGE,
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
 }
 #: Seconds between looks at what is published.
@@ -76,6 +83,8 @@ class RecorderNode(StageNode):
         self._sides = {self.resolve_topic_name(f'{side}/camera_info'): side for side in SIDES}
         for topic, type_name in SUITE.items():
             full_name = self.resolve_topic_name(topic)
+            if type_name == TFMESSAGE and installed_class(type_name) is None:
+                continue
             if settings.wants(full_name, self._wanted):
                 # Before anybody publishes, so that nothing is missed while it is found.
                 self._hear(full_name, type_name).ask(Request(reliable=True, latched=False))

@@ -8,37 +8,45 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from nav_msgs.msg import Odometry
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
-from visualization_msgs.msg import MarkerArray
 
-from binopos_ros.bag.messages import covariance_of, pose_covariance, position_of, stamp_of
-from binopos_ros.nodes import messages
+from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.nodes.diagnostics import StageDiagnostics
-from binopos_ros.nodes.markers import no_markers, target_markers
-from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode
+from binopos_ros.nodes.platform_input import PlatformInput
+from binopos_ros.nodes.shell import StageNode
+from binopos_ros.nodes.target_output import TargetOutput
+from binopos_ros.platform import FixedFrameOptions, Platform, WaitingRoom
+from binopos_ros.smoothing.health import HealthMonitor
 from binopos_ros.smoothing.parts import PARTS, PartsJoiner, Whole
 from binopos_ros.smoothing.stage import LATE, Pose, Smoother, SmootherOptions, filter_options_type
 
+#: Seconds between looks at the target's health, and at what has waited for too long.
+LOOK = 0.05
+
 
 class SmootherNode(StageNode):
-    """Smooths positions with a filter and publishes pose, odometry and markers."""
+    """Smooths positions with a filter, in a fixed frame if it is told to, and publishes them."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__('smoother', **node_options)
         self._options = self.declare_options(SmootherOptions, self._configure)
+        fixed = self.declare_options(FixedFrameOptions, lambda _: None)
         self._filter_options = self.declare_options(
             filter_options_type(self._options.method), self._configure_filter
         )
-        self._frame_id = ''
+        self._frame_id = fixed.fixed_frame
         self._timer: Timer | None = None
         self._build()
+        self._health = HealthMonitor()
+        self._platform = Platform(fixed)
+        self._waiting: WaitingRoom[Whole[PoseWithCovarianceStamped]] = WaitingRoom(
+            self._platform, fixed.platform.timeout
+        )
+        self._input = PlatformInput(self, self._platform, self._smooth_placed)
         self._diagnostics = StageDiagnostics(self, 'target', self._details)
         self._certainty = 0.0
-        self._pose = self.publisher(PoseWithCovarianceStamped, 'target/pose')
-        self._odometry = self.publisher(Odometry, 'target/odometry')
-        self._markers = self.publisher(MarkerArray, 'target/markers')
+        self._output = TargetOutput(self, self._options)
         self._joiner: PartsJoiner[PoseWithCovarianceStamped] = PartsJoiner()
         self._parts = {name: self.resolve_topic_name(f'target/{name}') for name in PARTS}
         for name in PARTS:
@@ -46,12 +54,12 @@ class SmootherNode(StageNode):
                 PoseWithCovarianceStamped, f'target/{name}', partial(self._on_part, name)
             )
         self.subscription(PoseWithCovarianceStamped, 'target/position', self._on_position)
-        self._marked = 0.0
-        self.every(LOOK_PERIOD, self._take_markers_away)
+        self.every(LOOK, self._look)
         self.create_service(Trigger, '~/reset', self._on_reset)
 
     def _configure(self, options: SmootherOptions) -> None:
         self._options = options
+        self._output.configure(options)
         self._build()
 
     def _configure_filter(self, options: Any) -> None:
@@ -77,18 +85,37 @@ class SmootherNode(StageNode):
 
     def _take(self, wholes: Iterable[Whole[PoseWithCovarianceStamped]]) -> None:
         for whole in wholes:
-            self._frame_id = whole.position.header.frame_id
-            pose, reason = self._smoother.add(
-                whole.stamp,
-                position_of(whole.position),
-                covariance_of(whole.position)[:3, :3],
-                **whole.parts,
-            )
-            if reason:
-                self._diagnostics.drop(reason)
-            if pose is not None and self._options.output_rate == 0:
-                self._publish(pose)
-            self._diagnostics.pairs.settle('' if pose is not None else reason or LATE)
+            frame_id = whole.position.header.frame_id
+            if self._platform.active:
+                self._waiting.add(whole, whole.stamp, frame_id, time.monotonic())
+                self._smooth_placed()
+                continue
+            self._frame_id = frame_id
+            point, covariance = _measured(whole)
+            self._smooth(whole.stamp, point, covariance, **whole.parts)
+
+    def _smooth_placed(self) -> None:
+        """Smooth the positions that need not wait longer for the robot's pose."""
+        for whole, rig in self._waiting.ready(time.monotonic()):
+            if isinstance(rig, str):
+                self._drop(rig)
+                self._diagnostics.pairs.settle(rig)
+            else:
+                self._smooth(whole.stamp, *rig.carry(*_measured(whole), **whole.parts))
+
+    def _smooth(self, stamp: int, *position: Any, **parts: Any) -> None:
+        pose, reason = self._smoother.add(stamp, *position, **parts)
+        if reason:
+            self._drop(reason)
+        else:
+            self._health.use(time.monotonic())
+        if pose is not None and self._options.output_rate == 0:
+            self._publish(pose)
+        self._diagnostics.pairs.settle('' if pose is not None else reason or LATE)
+
+    def _drop(self, reason: str) -> None:
+        self._diagnostics.drop(reason)
+        self._health.refuse(reason)
 
     def _on_tick(self) -> None:
         pose = self._smoother.predict(self.get_clock().now().nanoseconds)
@@ -96,36 +123,36 @@ class SmootherNode(StageNode):
             self._publish(pose)
 
     def _publish(self, pose: Pose) -> None:
-        state = pose.state
-        self._certainty = state.certainty
-        message = messages.pose_message(
-            pose.stamp, self._frame_id, state.position, state.covariance[:3, :3]
-        )
-        self._pose.publish(message)
-        odometry = Odometry(header=message.header, child_frame_id='target', pose=message.pose)
-        linear = odometry.twist.twist.linear
-        linear.x, linear.y, linear.z = (float(value) for value in state.velocity)
-        odometry.twist.covariance = pose_covariance(state.covariance[3:, 3:]).ravel()
-        self._odometry.publish(odometry)
-        if self._markers.get_subscription_count() > 0:
-            self._marked = time.monotonic()
-            options = self._options
-            self._markers.publish(
-                target_markers(message, options.target_diameter, options.sensor_timeout)
-            )
+        self._certainty = pose.state.certainty
+        self._output.publish(pose, self._frame_id)
+        self._health.pose(pose.state.covariance[:3, :3])
         self._diagnostics.published += 1
+        self._tell()
 
-    def _take_markers_away(self) -> None:
-        """Once the target is lost: no pose has come for so long as one is foretold."""
-        if self._marked and time.monotonic() - self._marked > self._options.sensor_timeout:
-            self._marked = 0.0
-            self._markers.publish(no_markers())
+    def _look(self) -> None:
+        self._smooth_placed()
+        self._tell()
+
+    def _tell(self) -> None:
+        options = self._options
+        health = self._health.judge(time.monotonic(), options.health, options.sensor_timeout)
+        self._output.tell(health, self._frame_id)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._smoother.reset()
+        self._health.reset()
         response.success = True
         response.message = 'the target was forgotten'
         return response
 
     def _details(self) -> dict[str, object]:
-        return {'Filter': self._options.method, 'Certainty': f'{self._certainty:.3f}'}
+        return {
+            'Filter': self._options.method,
+            'Certainty': f'{self._certainty:.3f}',
+            **self._input.details(),
+        }
+
+
+def _measured(whole: Whole[PoseWithCovarianceStamped]) -> tuple[Any, Any]:
+    """Position (3,), m, and covariance (3, 3), m^2."""
+    return position_of(whole.position), covariance_of(whole.position)[:3, :3]

@@ -6,6 +6,7 @@ import math
 from bisect import bisect_right
 from typing import NamedTuple
 
+from binopos_ros.platform.noise import ORDER, Measure, SampleNoise
 from binopos_ros.platform.quaternions import conjugate, product, rotation_vector
 from binopos_ros.platform.transforms import Transform, between
 
@@ -52,6 +53,9 @@ class History:
         self._limits = limits
         self.stamps: list[int] = []
         self.transforms: list[Transform] = []
+        #: How the samples up to each one differed from a smooth motion.
+        self.measures: list[Measure | None] = []
+        self._noise = SampleNoise()
 
     def add(self, stamp: int, transform: Transform) -> tuple[int, str]:
         """Take a sample in; where it was put, -1 where it was refused or known, and why."""
@@ -63,12 +67,20 @@ class History:
             return -1, '' if same else f'{self._name} is told twice for one stamp, differently'
         self.stamps.insert(at, stamp)
         self.transforms.insert(at, transform)
+        if at == len(self.stamps) - 1:
+            newest = slice(-ORDER - 1, None)
+            measure = self._noise.add(self.stamps[newest], self.transforms[newest])
+        else:
+            measure = self.measures[at - 1] if at else None
+        self.measures.insert(at, measure)
         return at, ''
 
     def clear(self) -> None:
         """Forget all samples."""
         self.stamps.clear()
         self.transforms.clear()
+        self.measures.clear()
+        self._noise.reset()
 
     def too_old(self) -> int:
         """How many samples from the front may go; 0 until it is worth while."""
@@ -80,6 +92,7 @@ class History:
         """Forget so many samples from the front."""
         del self.stamps[:count]
         del self.transforms[:count]
+        del self.measures[:count]
 
     def bracket(self, stamp: int) -> Bracket | Missing:
         """The samples about a stamp (ns), or why there are none that can be used."""

@@ -1,4 +1,4 @@
-"""How much an odometry errs from sample to sample, measured from itself.
+"""How much poses of a robot err from sample to sample, measured from themselves.
 
 A robot states one covariance for its pose, which holds both what differs from sample to sample
 and what drifts with the minutes. A filter averages the first away and must never count on doing so
@@ -9,6 +9,7 @@ smooth motion and of a slow drift, and all of what is independent.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,20 +29,32 @@ CORRELATED = 2.31
 SIGNIFICANT = 3.0
 
 
+class Measure(NamedTuple):
+    """Variances (6,) that differ from sample to sample, m^2 and rad^2, of so many samples."""
+
+    variances: Array
+    weight: float
+
+
 class SampleNoise:
-    """Measures, axis by axis, which share of a stated covariance differs from sample to sample."""
+    """Measures, axis by axis, how samples of a pose differ from a smooth motion."""
 
     def __init__(self) -> None:
-        self._squares = np.zeros(6)
-        self._weight = 0.0
+        self.reset()
 
     def reset(self) -> None:
         """Forget what was measured."""
-        self._squares[:] = 0.0
+        self._squares = np.zeros(6)
         self._weight = 0.0
 
-    def add(self, stamps: Sequence[int], transforms: Sequence[Transform], stated: Array) -> None:
-        """Take the newest `ORDER` + 1 samples in, stamps in ns, and the stated variances (6,)."""
+    def add(self, stamps: Sequence[int], transforms: Sequence[Transform]) -> Measure | None:
+        """Take the newest samples in, stamps in ns; what is measured, None before it can be.
+
+        Of samples that do not lie at equal times the divided difference is taken, scaled so that
+        independent noise keeps its variance.
+        """
+        if len(stamps) <= ORDER:
+            return None
         seconds = [(stamp - stamps[0]) * 1e-9 for stamp in stamps]
         weights = []
         for each, own in enumerate(seconds):
@@ -57,26 +70,24 @@ class SampleNoise:
             turn = rotation_vector(product(transform.rotation, back))
             for axis, value in enumerate((*transform.translation, *turn)):
                 sums[axis] += weight * scale * value
-        with np.errstate(divide='ignore', invalid='ignore'):
-            ratios = np.square(sums) / stated
-        ratios[~np.isfinite(ratios)] = 1.0
         keep = 1 - 1 / MEMORY
-        self._squares = keep * self._squares + ratios
+        self._squares = keep * self._squares + np.square(sums)
         self._weight = keep * self._weight + 1.0
+        return Measure(self._squares / self._weight, self._weight)
 
-    def shares(self) -> Array:
-        """(6,) share of the stated variance that differs from sample to sample, 0 to 1.
 
-        All of it, unless clearly less is measured.
-        """
-        if not self._weight:
-            return np.ones(6)
-        measured = self._squares / self._weight
-        # Of an exponential memory twice its weight counts, in the end.
-        independent = min(2 * self._weight, 2 * MEMORY) / CORRELATED
-        chance = SIGNIFICANT * (2 / independent) ** 0.5
-        shares: Array = np.where(measured < 1 - chance, measured, 1.0)
-        return shares
+def shares_of(measure: Measure | None, stated: Array) -> Array:
+    """(6,) share of stated variances (6,) that differs from sample to sample, 0 to 1.
+
+    All of it, unless clearly less is measured.
+    """
+    if measure is None:
+        return np.ones(6)
+    # Of an exponential memory twice its weight counts, in the end.
+    chance = SIGNIFICANT * (CORRELATED / measure.weight) ** 0.5
+    ratio = measure.variances / stated
+    shares: Array = np.where(ratio < 1 - chance, ratio, 1.0)
+    return shares
 
 
 def parted(covariance: Array, shares: Array) -> tuple[Array, Array | None]:

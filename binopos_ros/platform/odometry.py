@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.platform.errors import PlatformError
 from binopos_ros.platform.history import History, Limits, Missing
-from binopos_ros.platform.noise import ORDER, SampleNoise, parted
+from binopos_ros.platform.noise import parted, shares_of
 from binopos_ros.platform.rig_pose import PlacedRig, rates
 from binopos_ros.platform.transforms import Transform, joined, transform_of
 
@@ -32,7 +32,6 @@ class Odometry:
         self._child = ''
         self._history = History('the odometry', limits)
         self._covariances: list[Array | None] = []
-        self._noise = SampleNoise()
 
     def add(
         self,
@@ -70,14 +69,8 @@ class Odometry:
             return problem
         if len(history.stamps) <= count:
             self._covariances.clear()
-            self._noise.reset()
         known = bool(np.isfinite(covariance).all() and (np.diag(covariance) > 0).all())
         self._covariances.insert(at, covariance if known else None)
-        if known and at == len(history.stamps) - 1 > ORDER - 1:
-            newest = slice(-ORDER - 1, None)
-            self._noise.add(
-                history.stamps[newest], history.transforms[newest], np.diag(covariance)
-            )
         old = history.too_old()
         history.drop_oldest(old)
         del self._covariances[:old]
@@ -107,9 +100,14 @@ class Odometry:
     def covariance_at(self, stamp: int) -> tuple[Array | None, Array | None]:
         """(6, 6) of what differs from sample to sample, and of what drifts; None: none is known.
 
+        Where none is stated, it is what the samples themselves show.
+
         Args:
             stamp: ns, one that `rig_at` knows.
         """
         at = bisect_right(self._history.stamps, stamp) - 1
         covariance = self._covariances[at]
-        return (None, None) if covariance is None else parted(covariance, self._noise.shares())
+        if covariance is None:
+            measure = self._history.measures[at]
+            return None if measure is None else np.diag(measure.variances), None
+        return parted(covariance, shares_of(self._history.measures[at], np.diag(covariance)))

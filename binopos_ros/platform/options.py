@@ -59,7 +59,7 @@ class PlatformOptions:
     position_std: float = option(
         0.0,
         "standard deviation of the robot's position from sample to sample, along each axis; 0: "
-        "the odometry's covariance",
+        "by the odometry's covariance, and where there is none, measured",
         'm',
         (0.0, 100.0),
         read_only=True,

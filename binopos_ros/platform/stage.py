@@ -44,6 +44,11 @@ class Platform:
         """Whether there is a fixed frame at all."""
         return bool(self.options.fixed_frame)
 
+    @property
+    def source(self) -> str:
+        """Where the robot's pose has to come from: 'none', 'tf' or 'odometry'."""
+        return self.options.platform.source if self.active else 'none'
+
     def rig_pose(self, stamp: int, rig_frame: str) -> RigPose | Missing:
         """The rig's pose for a position, or why there is none; call it once for each position.
 
@@ -65,6 +70,8 @@ class Platform:
             if isinstance(found, Missing):
                 return found
             placed = found
+            if sample is None and placed.span:
+                sample = self.tree.covariance_of(*frames, stamp, placed.pivot)
         if sample is not None:
             sample = sample * self._factor(placed, stamp)
         self._last = stamp

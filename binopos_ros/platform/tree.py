@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from binopos_ros.platform.errors import PlatformError
 from binopos_ros.platform.history import SECOND, Bracket, History, Limits, Missing
-from binopos_ros.platform.quaternions import Vector
+from binopos_ros.platform.quaternions import Vector, matrix_of
 from binopos_ros.platform.rig_pose import PlacedRig, rates
 from binopos_ros.platform.transforms import SAME, Transform, inverse, joined, transform_of
+
+Array = NDArray[np.float64]
 
 #: More frames than any robot has.
 MOST_FRAMES = 2000
@@ -121,6 +125,38 @@ class TransformTree:
             }
             velocity, turn = rates(pose, self._along(chain, later)[0], span)
         return PlacedRig(pose, pivot, white, span, velocity, turn)
+
+    def covariance_of(self, fixed: str, rig: str, stamp: int, pivot: Vector) -> Array | None:
+        """(6, 6) of how samples differ from a smooth motion, about the fixed frame's axes.
+
+        Transforms come without covariance; this much they tell themselves. None while they are
+        too few.
+
+        Args:
+            fixed, rig, stamp: that `rig_in` knows.
+            pivot: place in the fixed frame about which errors of rotation turn, m.
+        """
+        chain = self._chain(fixed, rig)
+        assert isinstance(chain, _Chain)
+        whole = np.zeros((6, 6))
+        for child in (*chain.up, *chain.down):
+            if self._edges[child].static is not None:
+                continue
+            history = self._history(child)
+            measure = history.measures[bisect_right(history.stamps, stamp) - 1]
+            if measure is None:
+                return None
+            parent = self.rig_in(fixed, self._edges[child].parent, stamp, moving=False)
+            own = self.rig_in(fixed, child, stamp, moving=False)
+            assert isinstance(parent, PlacedRig)
+            assert isinstance(own, PlacedRig)
+            axes = matrix_of(parent.pose.rotation)
+            x, y, z = np.array(pivot) - own.pose.translation
+            error = np.zeros((6, 6))
+            error[:3, :3] = error[3:, 3:] = axes
+            error[:3, 3:] = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]]) @ axes
+            whole += error * measure.variances @ error.T
+        return whole
 
     def _history(self, child: str) -> History:
         history = self._edges[child].history

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.parameters import build, option, refuse_unknown, specs_of
 from binopos_ros.smoothing.factory import FILTERS, make_filter
+from binopos_ros.smoothing.health import HealthOptions
 from binopos_ros.smoothing.options import Options
 from binopos_ros.smoothing.state import FilterState
 
@@ -45,6 +46,15 @@ class SmootherOptions:
         'm',
         (0.0, 10.0),
     )
+    child_frame: str = option(
+        'target',
+        "the target's frame: child_frame_id of target/odometry and on /tf",
+        read_only=True,
+    )
+    publish_tf: bool = option(
+        False, "the target's frame under that of its pose on /tf, with each pose", read_only=True
+    )
+    health: HealthOptions = field(default_factory=HealthOptions)
 
 
 def filter_options_type(method: str) -> type[Options]:

@@ -225,3 +225,25 @@ def test_options_that_cannot_be_are_refused(make, told):
 def test_options_are_read_only_parameters():
     for field in dataclasses.fields(PlatformOptions):
         assert field.metadata['read_only'], field.name
+
+
+def test_transforms_tell_their_noise_themselves():
+    rng = np.random.default_rng(8)
+    position_std, rotation_std = 0.002, 0.001
+    platform = Platform(FixedFrameOptions('odom', PlatformOptions(source='tf')))
+    heading = Rotation.from_rotvec([0, 0, 1.2])
+    # The robot's parent frame is turned in the fixed one, and so are the axes of its noise.
+    turned = heading.as_quat().tolist()
+    platform.tree.add(0, 'odom', 'dock', (5.0, 0, 0), turned, static=True)
+    platform.tree.add(0, 'base_link', 'left', MOUNTING[:3], MOUNTING[3:], static=True)
+    for k in range(400):
+        sway = 0.07 * np.sin(2 * np.pi * 0.4 * k * PERIOD / SECOND)
+        place = np.array([sway, 0, 0]) + rng.normal(0, position_std, 3) * [1, 1, 3]
+        turn = Rotation.from_rotvec(rng.normal(0, rotation_std, 3)).as_quat().tolist()
+        platform.tree.add(k * PERIOD, 'dock', 'base_link', place.tolist(), turn)
+    pose = platform.rig_pose(350 * PERIOD, 'left')
+    assert pose.drift is None
+    deviations = np.sqrt(np.diag(pose.sample))
+    np.testing.assert_allclose(deviations[:2], position_std, rtol=0.4)
+    np.testing.assert_allclose(deviations[2], 3 * position_std, rtol=0.4)
+    np.testing.assert_allclose(deviations[3:], rotation_std, rtol=0.4)
