@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
 
 PACKAGE = 'binopos_ros'
 NODES = ('camera', 'detector', 'triangulator', 'smoother', 'player', 'recorder')
@@ -37,6 +37,8 @@ setup(
     ],
     extras_require={
         'ros': ['ros-rclpy[fastrtps]==7.1.6', 'ros-common-interfaces==5.3.6'],
+        # Built with every installation where it can be: nothing more has to be fetched.
+        'fast': [],
         'reports': ['matplotlib>=3.8'],
     },
     entry_points={
@@ -45,5 +47,15 @@ setup(
             *(f'{node} = {PACKAGE}.nodes.executables:{node}' for node in NODES),
         ],
     },
+    # Decodes the part of a JPEG that is looked at; without a compiler or the headers of
+    # libjpeg-turbo it is left out, and pictures are decoded whole.
+    ext_modules=[
+        Extension(
+            f'{PACKAGE}.detection._partial',
+            [f'{PACKAGE}/detection/_partial.c'],
+            libraries=['jpeg'],
+            optional=True,
+        )
+    ],
     zip_safe=False,
 )

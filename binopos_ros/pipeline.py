@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from binopos_ros.arrivals import ArrivalOptions
-from binopos_ros.detection import DetectionError, DetectorOptions, Frame
+from binopos_ros.detection import (
+    DetectionError,
+    DetectorOptions,
+    Frame,
+    JpegImage,
+    RawImage,
+)
 from binopos_ros.detection.stage import stages_of_pair
 from binopos_ros.optics import CameraInfo
 from binopos_ros.parameters import build, specs_of
@@ -89,6 +95,12 @@ class Pipeline:
         self._cameras[side].set_camera(info)
         self._triangulator.set_camera(side, info)
 
+    def prepare(
+        self, side: str, image: JpegImage | RawImage, ahead: int
+    ) -> Frame | DetectionError:
+        """What `add` takes in of an image; see `CameraStage.prepare`."""
+        return self._cameras[side].prepare(image, ahead)
+
     def add(
         self, side: str, stamp: int, frame_id: str, decoded: Frame | DetectionError
     ) -> Iterator[Event]:
@@ -98,7 +110,7 @@ class Pipeline:
             side: 'left' or 'right'.
             stamp: nanoseconds.
             frame_id: of the image.
-            decoded: the result of `detection.stage.try_decode`.
+            decoded: the result of `prepare`.
         """
         yield from self._smooth_ready(stamp)
         detection = self._cameras[side].detect(stamp, decoded)

@@ -114,7 +114,11 @@ def imports_of(file: Path) -> Iterator[Import]:
 
 
 IMPORTS = [one for file in FILES.values() for one in imports_of(file)]
-OWN = [one for one in IMPORTS if one.module.split('.')[0] == PACKAGE]
+#: Compiled modules import nothing of ours.
+COMPILED = {module_of(file) for file in ROOT.rglob('*.c')}
+OWN = [
+    one for one in IMPORTS if one.module.split('.')[0] == PACKAGE and one.module not in COMPILED
+]
 
 
 def circle(graph: Mapping[str, set[str]]) -> list[str]:

@@ -29,9 +29,8 @@ from binopos_ros.cli.outputs import add_force_argument, written
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.recorded_calibration import calibrations, camera_info_of
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
-from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage
+from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage, decode
 from binopos_ros.detection.images import halves, image_of
-from binopos_ros.detection.stage import try_decode
 from binopos_ros.optics import CameraInfo, OpticsError
 from binopos_ros.pipeline import Event, Located, Pipeline
 from binopos_ros.reasons import count_reason
@@ -42,7 +41,7 @@ HELP = 'run a bag through the same stages offline, every pair, as fast as possib
 
 #: JPEG decoding gives the interpreter's lock free, so that two cores are used.
 DECODERS = 2
-READ_AHEAD = 16
+READ_AHEAD = 8
 GARBAGE_THRESHOLD = 50_000
 #: Parameters of mallopt(3).
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
@@ -190,7 +189,7 @@ def _events(
                 report.fates.saw(side, stamp)
             if not message.header.frame_id:
                 report.note(f'{record.topic}: frame_id is empty, so that positions have no frame')
-            decoded = pool.submit(_decoded, image_of(message), len(sides))
+            decoded = pool.submit(_prepared, pipeline, sides, image_of(message))
             waiting.append(_Images(sides, stamp, message.header.frame_id, decoded))
         while len(waiting) > READ_AHEAD:
             yield from _finish(waiting.popleft(), pipeline)
@@ -225,12 +224,13 @@ def _moved(item: _Motion, pipeline: Pipeline) -> Iterator[Event]:
         yield from pipeline.add_transform(transform, static=item.kind == 'static transforms')
 
 
-def _decoded(image: JpegImage | RawImage, views: int) -> Sequence[Frame | DetectionError]:
+def _prepared(
+    pipeline: Pipeline, sides: Sequence[str], image: JpegImage | RawImage
+) -> Sequence[Frame | DetectionError]:
     """The frames of the views that an image shows, or why there are none."""
-    frame = try_decode(image)
-    if views == 1 or isinstance(frame, DetectionError):
-        return [frame] * views
+    if len(sides) == 1:
+        return [pipeline.prepare(sides[0], image, READ_AHEAD // len(SIDES))]
     try:
-        return halves(frame)
+        return halves(decode(image))
     except DetectionError as error:
-        return [error] * views
+        return [error] * len(sides)

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from .describe import describe
-from .errors import DetectionError
-from .images import ColourFrame, Frame, JpegImage, Picture, RawImage, decode
+from .errors import DetectionError, UnreadableError
+from .images import ColourFrame, Frame, JpegImage, Picture, RawImage, prepare
 from .judge import Judged, is_same, judge
 from .measure import measure
 from .options import DetectorOptions, TargetOptions
@@ -28,6 +28,9 @@ from .target import Candidate, Detection, Target
 #: must prefer another patch until that is taken. A decoy that was taken while the target was
 #: hidden must not be followed for ever.
 LOOK_PERIOD, OUTVOTED = 15, 3
+
+#: What is decoded ahead about a followed target: so many diameters, and px.
+FORESEEN, FORESEEN_MARGIN = 1.2, 48
 
 
 class Detector:
@@ -68,10 +71,24 @@ class Detector:
     def detect(self, image: JpegImage | RawImage) -> Detection:
         """Find the target in an image; never raises for what the image holds."""
         try:
-            frame = decode(image)
+            frame = self.prepare(image)
         except DetectionError as error:
             return Detection(None, str(error))
         return self.detect_in(frame)
+
+    def prepare(self, image: JpegImage | RawImage, ahead: int = 1) -> Frame:
+        """Give an image's frame, with what will be looked at decoded if the target is followed.
+
+        It changes nothing here, so that images can be prepared in threads, `ahead` of the last one
+        that was detected in. Raises DetectionError as `images.decode` does.
+        """
+        last, (du, dv) = self._last, self._motion
+        if last is None or not self.options.track or self.options.method == 'paper':
+            return prepare(image, None)
+        u, v = last.centre.tolist()
+        reach = FORESEEN * last.diameter + FORESEEN_MARGIN + ahead * max(abs(du), abs(dv))
+        u, v = u + du * (ahead + 1) / 2, v + dv * (ahead + 1) / 2
+        return prepare(image, (int(u - reach), int(v - reach), int(u + reach), int(v + reach)))
 
     def detect_in(self, frame: Frame, survey: bool = False) -> Detection:
         """Find the target in a decoded image.
@@ -82,6 +99,9 @@ class Detector:
         self.look_over()
         try:
             detection = self._detect(frame, survey)
+        except UnreadableError as error:
+            # It tells nothing of the target, so it is looked for where it was the next time.
+            return Detection(None, str(error))
         except (DetectionError, cv2.error, np.linalg.LinAlgError) as error:
             detection = Detection(None, str(error))
         self._remember(detection.target)

@@ -16,10 +16,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from .decoders import decode_whole, decode_with_cv2
+from .decoders import decode_whole, decode_with_cv2, decodes_parts
 from .errors import DetectionError
 from .frames import BayerFrame, ColourFrame, Frame, Picture, YuyvFrame
 from .jpeg import JpegHeader, read_header
+from .jpeg_frame import Box, JpegFrame
 
 __all__ = [
     'ENCODINGS',
@@ -32,6 +33,7 @@ __all__ = [
     'decode_jpeg',
     'halves',
     'image_of',
+    'prepare',
 ]
 
 Bytes = bytes | bytearray | memoryview | npt.NDArray[np.uint8]
@@ -107,14 +109,29 @@ def decode(image: JpegImage | RawImage) -> Frame:
         octets = _octets(image.data)
         if octets[: len(_PNG)].tobytes() == _PNG:
             return _decode_png(octets)
-        pixels, header = _decoded_jpeg(octets)
-        if header.components == 1:
-            raise DetectionError(_no_colour('JPEG'))
+        header = _colour_header(octets)
+        pixels = decode_whole(octets, (header.width, header.height))
         return ColourFrame(pixels, rounding=header.rounding)
     if isinstance(image, RawImage):
         return _decode_raw(image)
     msg = f'image is a {type(image).__name__}: pass a JpegImage or a RawImage'
     raise DetectionError(msg)
+
+
+def prepare(image: JpegImage | RawImage, box: Box | None) -> Frame:
+    """Give an image's frame as `decode` does, of a JPEG with no more than a box decoded so far.
+
+    The rest will be when it is looked at; box is (x0, y0, x1, y1), None the whole. Where the
+    decoder of this process cannot decode parts it is the same as `decode`.
+    """
+    if not isinstance(image, JpegImage) or not decodes_parts():
+        return decode(image)
+    octets = _octets(image.data)
+    if octets[: len(_PNG)].tobytes() == _PNG:
+        return _decode_png(octets)
+    frame = JpegFrame(octets, _colour_header(octets))
+    frame.foresee(box)
+    return frame
 
 
 def halves(frame: Frame) -> tuple[Frame, Frame]:
@@ -138,17 +155,27 @@ def decode_jpeg(data: Bytes) -> Picture:
 
     Raises DetectionError where the data is no JPEG, ends early, is corrupt, or is too large.
     """
-    return _decoded_jpeg(_octets(data))[0]
+    octets = _octets(data)
+    header = _header(octets)
+    return decode_whole(octets, (header.width, header.height))
 
 
-def _decoded_jpeg(octets: npt.NDArray[np.uint8]) -> tuple[Picture, JpegHeader]:
+def _colour_header(octets: npt.NDArray[np.uint8]) -> JpegHeader:
+    header = _header(octets)
+    if header.components == 1:
+        raise DetectionError(_no_colour('JPEG'))
+    return header
+
+
+def _header(octets: npt.NDArray[np.uint8]) -> JpegHeader:
+    """The header of a JPEG that is not too large and has an end."""
     header = read_header(octets)
     _check_size(header.width, header.height)
     end = octets[-64:].tobytes().rstrip(b'\x00')
     if not end.endswith(b'\xff\xd9'):
         msg = f'JPEG of {octets.size} bytes has no end marker: it was cut short'
         raise DetectionError(msg)
-    return decode_whole(octets), header
+    return header
 
 
 def _decode_png(octets: npt.NDArray[np.uint8]) -> Frame:

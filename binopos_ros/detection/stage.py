@@ -10,7 +10,7 @@ from binopos_ros.sides import SIDES
 
 from .detector import LOOK_PERIOD, Detector
 from .errors import DetectionError
-from .images import Frame, JpegImage, RawImage, decode
+from .images import Frame, JpegImage, RawImage
 from .options import DetectorOptions
 from .target import Detection
 
@@ -39,6 +39,18 @@ class CameraStage:
             self._info = info
             self._size = info.camera().size
 
+    def prepare(self, image: JpegImage | RawImage, ahead: int = 1) -> Frame | DetectionError:
+        """The frame of an image, or why there is none; for use in threads.
+
+        Args:
+            image: as it arrived.
+            ahead: how many images after the last detected one it is, about.
+        """
+        try:
+            return self._detector.prepare(image, ahead)
+        except DetectionError as error:
+            return error
+
     def detect(
         self, stamp: int, decoded: Frame | DetectionError, survey: bool = False
     ) -> Detection:
@@ -46,7 +58,7 @@ class CameraStage:
 
         Args:
             stamp: of the image, nanoseconds.
-            decoded: the result of `try_decode`.
+            decoded: the result of `prepare`.
             survey: whether to tell of candidates elsewhere too; see `Detector.detect_in`.
         """
         if stamp == 0:
@@ -73,11 +85,3 @@ class CameraStage:
 def stages_of_pair(options: DetectorOptions) -> dict[str, CameraStage]:
     """Give the stages of both cameras, which take turns in what can wait."""
     return {side: CameraStage(options, k * LOOK_PERIOD // 2) for k, side in enumerate(SIDES)}
-
-
-def try_decode(image: JpegImage | RawImage) -> Frame | DetectionError:
-    """The frame of an image, or why there is none; for use in threads."""
-    try:
-        return decode(image)
-    except DetectionError as error:
-        return error

@@ -26,7 +26,7 @@ from binopos_ros.detection import (
 )
 from binopos_ros.detection.images import image_of
 from binopos_ros.detection.overlay import draw
-from binopos_ros.detection.stage import stages_of_pair, try_decode
+from binopos_ros.detection.stage import stages_of_pair
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.pictures import Pictures
@@ -160,7 +160,7 @@ class DetectorNode(StageNode):
     def _detect(self, picture: Picture[CompressedImage | Image]) -> _Result:
         side, message = picture.side, picture.item
         assert message is not None
-        decoded = try_decode(image_of(message))
+        decoded = self._stages[side].prepare(image_of(message))
         watched = self._overlays[side].get_subscription_count() > 0
         detection = self._stages[side].detect(picture.stamp, decoded, survey=watched)
         return _Result(picture, message.header, decoded if watched else None, detection)
@@ -191,7 +191,11 @@ class DetectorNode(StageNode):
     def _publish_overlay(
         self, side: str, header: Header, frame: Frame, detection: Detection
     ) -> None:
-        picture = draw(frame.window(0, 0, frame.width, frame.height), detection)
+        try:
+            picture = draw(frame.window(0, 0, frame.width, frame.height), detection)
+        except DetectionError:
+            # Corrupt where nobody had looked so far.
+            return
         _, jpeg = cv2.imencode('.jpg', picture, (cv2.IMWRITE_JPEG_QUALITY, OVERLAY_QUALITY))
         message = CompressedImage(header=header, format='jpeg')
         message.data = jpeg.tobytes()
