@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import fcntl
 import os
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +13,8 @@ from pathlib import Path
 import pytest
 
 PROJECT = Path(__file__).resolve().parent.parent
+#: Variables through which Python and ROS find packages.
+OF_ROS = ('AMENT_PREFIX_PATH', 'LD_LIBRARY_PATH', 'PYTHONPATH')
 
 
 @pytest.fixture(scope='session')
@@ -59,3 +63,35 @@ def ros_domain(locked_domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'ros_log'))
     return locked_domain
+
+
+@pytest.fixture(scope='session')
+def tf_environment() -> dict[str, str]:
+    """Variables with which processes find type support for tf2_msgs, which no wheel has.
+
+    It is built once for each version of Python, in a minute, by the recipe beside the project;
+    the test skips where that, a compiler or the registry is absent.
+    """
+    recipe = PROJECT.parent / 'shared' / 'tf-lab' / 'build.sh'
+    if not recipe.is_file():
+        pytest.skip('tf2_msgs cannot be built: ../shared/tf-lab does not exist')
+    folder = PROJECT / '.venv' / f'tf2_msgs-py{sys.version_info.major}.{sys.version_info.minor}'
+    variables = folder / 'env.sh'
+    if not variables.is_file():
+        clean = {name: value for name, value in os.environ.items() if name not in OF_ROS}
+        done = subprocess.run(
+            ['bash', str(recipe), str(folder), sys.executable],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=clean,
+        )
+        if done.returncode:
+            told = (done.stderr.strip() or done.stdout.strip() or 'no output').splitlines()[-1]
+            pytest.skip(f'tf2_msgs cannot be built here: {told}')
+    # As a shell reads it: before what the wheels have put there for the libraries of their own.
+    listed = subprocess.run(
+        ['bash', '-c', f'. {variables}; env -0'], capture_output=True, text=True, check=True
+    ).stdout
+    found = dict(each.split('=', 1) for each in listed.split('\0') if '=' in each)
+    return {name: found[name].rstrip(':') for name in OF_ROS if name in found}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,13 @@ import numpy as np
 import pytest
 
 from binopos_ros.bag import BagReader, BagWriter
-from binopos_ros.bag.messages import position_of, serialized_stamp, stamp_of, transforms
+from binopos_ros.bag.messages import (
+    position_of,
+    serialized_stamp,
+    stamp_of,
+    transforms,
+    transforms_of,
+)
 from binopos_ros.cli.simulated_bag import START_NS
 
 pytestmark = pytest.mark.xdist_group('moving_robot')
@@ -183,3 +190,96 @@ def test_a_bag_without_the_robot_s_motion_says_what_to_record(bag, tmp_path):
     done = binopos('process', none, '-o', tmp_path / 'out.mcap')
     assert done.returncode == 2
     assert '/stereo/platform/odometry is missing or empty' in done.stderr
+
+
+def live(
+    bag: Path, folder: Path, *values: str, nodes: str = 'smoother'
+) -> tuple[dict[int, np.ndarray], str]:
+    """Poses of the live nodes by stamp, recorded while the bag is replayed; and the report."""
+    recorder = subprocess.Popen(
+        [sys.executable, '-m', 'binopos_ros', 'record', '-o', str(folder)],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert 'recording to' in recorder.stderr.readline()
+    words = [word for value in values for word in ('-p', f'{nodes}:{value}')]
+    # Every pair, however slow the machine.
+    done = binopos(
+        *('replay', bag, '--rate', 0.5, '--ros-args', '-p', 'detector:newest_first:=false'),
+        *words,
+    )
+    recorder.send_signal(2)
+    _, errors = recorder.communicate(timeout=20)
+    assert done.returncode == 0, done.stderr
+    assert recorder.returncode == 0, errors
+    with BagReader(folder) as reader:
+        poses = map(reader.decode, reader.messages(['/stereo/target/pose']))
+        found = {stamp_of(pose): position_of(pose) for pose in poses}
+    return found, done.stdout
+
+
+def agree(poses: dict[int, np.ndarray], rows: dict[int, dict[str, str]]) -> None:
+    """The live nodes and `process` gave the same poses."""
+    assert len(poses) == PAIRS
+    for stamp, row in rows.items():
+        np.testing.assert_allclose(poses[stamp], [float(row[axis]) for axis in 'xyz'], atol=1e-9)
+
+
+@pytest.mark.live
+def test_live_nodes_and_process_give_the_same_poses_by_odometry(bag, ros_domain, tmp_path):
+    rows, _ = process(bag, tmp_path / 'offline')
+    poses, report = live(bag, tmp_path / 'live')
+    agree(poses, rows)
+    assert 'frame of target/pose' in report
+    # What was recorded holds the robot's motion, and is processed to the same again.
+    again, _ = process(tmp_path / 'live', tmp_path / 'again')
+    np.testing.assert_allclose(places(again), places(rows), atol=1e-9)
+    with BagReader(tmp_path / 'live') as reader:
+        counts = {topic: info.count for topic, info in reader.topics.items()}
+        words = {
+            reader.decode(each).message for each in reader.messages(['/stereo/target/health'])
+        }
+        plain = [reader.decode(each) for each in reader.messages(['/stereo/target/pose_stamped'])]
+    assert counts[ODOMETRY] >= PAIRS
+    assert {'starting', 'tracking'} <= words
+    assert {each.header.frame_id for each in plain} == {'odom'}
+    for each in plain:
+        np.testing.assert_array_equal(position_of(each), poses[stamp_of(each)])
+
+
+@pytest.mark.live
+def test_live_nodes_and_process_give_the_same_poses_by_transforms(
+    bag, ros_domain, tmp_path, tf_environment, monkeypatch
+):
+    for name, value in tf_environment.items():
+        monkeypatch.setenv(name, value)
+    values = ('platform.source:=tf', 'publish_tf:=true', 'child_frame:=valve')
+    rows, _ = process(bag, tmp_path / 'offline', *values)
+    poses, _ = live(bag, tmp_path / 'live', *values)
+    agree(poses, rows)
+    with BagReader(tmp_path / 'live') as reader:
+        told = [
+            transform
+            for each in reader.messages(['/tf'])
+            for transform in transforms_of(reader.decode(each))
+        ]
+        assert reader.topics['/tf_static'].count
+    valve = {stamp: place for stamp, parent, child, place, _ in told if child == 'valve'}
+    assert {parent for _, parent, child, _, _ in told if child == 'valve'} == {'odom'}
+    assert valve.keys() == poses.keys()
+    for stamp, place in valve.items():
+        np.testing.assert_array_equal(place, poses[stamp])
+    again, _ = process(tmp_path / 'live', tmp_path / 'again', *values)
+    np.testing.assert_allclose(places(again), places(rows), atol=1e-9)
+
+
+@pytest.mark.live
+@pytest.mark.parametrize('value', ['platform.source:=tf', 'publish_tf:=true'])
+def test_without_the_message_package_one_line_says_what_to_do(bag, ros_domain, value):
+    if importlib.util.find_spec('tf2_msgs') is not None:
+        pytest.skip('tf2_msgs is installed here')
+    done = binopos('replay', bag, '--ros-args', '-p', f'smoother:{value}')
+    assert done.returncode == 2
+    (line,) = [each for each in done.stderr.splitlines() if 'tf2_msgs' in each and 'apt' in each]
+    assert 'ros-jazzy-tf2-msgs' in line
