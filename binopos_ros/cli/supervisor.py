@@ -1,8 +1,13 @@
-"""Keeps the nodes up: each in a process of its own, restarted with growing pauses when it dies."""
+"""Keeps the nodes up: each in a process of its own, restarted when it dies or hangs.
+
+A node that has run for a while and dies is started again at once, in a spare process that has all
+imports behind it; pauses grow where it dies again and again.
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import signal
 import subprocess
@@ -11,13 +16,16 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from binopos_ros.cli.pulse import Pulse
 from binopos_ros.cli.transport import transport_environment
-from binopos_ros.nodes.supervised import STARTER, SUPERVISED
+from binopos_ros.nodes.supervised import HEARTBEAT, STARTER, SUPERVISED
 
 FIRST_PAUSE = 0.5
 LONGEST_PAUSE = 30.0
 #: A node that stayed up for this long has recovered: its next pause is the first one again.
 RECOVERED = 20.0
+#: Seconds that all nodes have been up for when a spare is started.
+SETTLED = 5.0
 #: Seconds that a node has to end after SIGTERM.
 PATIENCE = 4.0
 USAGE_ERROR = 2
@@ -25,11 +33,12 @@ USAGE_ERROR = 2
 
 @dataclass
 class Child:
-    """One node's process and its history."""
+    """One node's process and its history; `words` are those of its starter."""
 
     name: str
-    command: list[str]
+    words: list[str]
     process: subprocess.Popen[bytes] | None = None
+    pulse: Pulse | None = None
     started: float = 0.0
     restart_at: float = 0.0
     pause: float = FIRST_PAUSE
@@ -57,16 +66,18 @@ class Supervisor:
     def __post_init__(self) -> None:
         groups = [tuple(self.nodes)] if self.single_process else [(name,) for name in self.nodes]
         self.children = [
-            Child(
-                ' + '.join(names),
-                [sys.executable, STARTER, *names, *self._ros_words(names)],
-            )
-            for names in groups
+            Child(' + '.join(names), [*names, *self._ros_words(names)]) for names in groups
         ]
+        self._spare: tuple[subprocess.Popen[bytes], Pulse] | None = None
 
     def _ros_words(self, names: Sequence[str]) -> list[str]:
         words = [*self.ros_arguments, *enclave_words(self.enclaves, names)]
         return ['--ros-args', *words] if words else []
+
+    @property
+    def spare(self) -> int | None:
+        """Process id of the spare, where one is kept."""
+        return None if self._spare is None else self._spare[0].pid
 
     def start(self) -> None:
         """Start every node."""
@@ -86,18 +97,24 @@ class Supervisor:
                 continue
             status = child.process.poll()
             if status is None:
+                if child.pulse is not None and (trouble := child.pulse.trouble(now)):
+                    self.report(f'the {child.name} {trouble}: killing it')
+                    child.process.kill()
+                    child.process.wait()
                 continue
             if status == USAGE_ERROR:
                 return f'the {child.name} refused to start (see its line above)'
-            if now - child.started > RECOVERED:
-                child.pause = FIRST_PAUSE
+            pause = 0.0 if now - child.started > RECOVERED else child.pause
+            child.pause = min(2 * pause, LONGEST_PAUSE) if pause else FIRST_PAUSE
+            when = f'in {pause:g} s' if pause else 'at once'
             self.report(
-                f'the {child.name} died ({describe_exit(status)}): '
-                f'starting it again in {child.pause:g} s'
+                f'the {child.name} died ({describe_exit(status)}): starting it again {when}'
             )
-            child.process = None
-            child.restart_at = now + child.pause
-            child.pause = min(2 * child.pause, LONGEST_PAUSE)
+            self._forget(child)
+            child.restart_at = now + pause
+            if not pause:
+                self._start(child)
+        self._keep_spare(now)
         return ''
 
     def stop(self) -> None:
@@ -105,6 +122,12 @@ class Supervisor:
 
         Not SIGINT: a Python that is still starting up answers it with a traceback.
         """
+        if self._spare is not None:
+            process, pulse = self._spare
+            process.kill()
+            process.wait()
+            pulse.close()
+            self._spare = None
         for number in (signal.SIGTERM, signal.SIGKILL):
             running = [child for child in self.children if child.process is not None]
             for child in running:
@@ -118,19 +141,64 @@ class Supervisor:
                     continue
                 try:
                     child.process.wait(max(0.0, deadline - time.monotonic()))
-                    child.process = None
+                    self._forget(child)
                 except subprocess.TimeoutExpired:
                     continue
 
     def _start(self, child: Child) -> None:
         child.started = time.monotonic()
-        child.process = subprocess.Popen(
-            child.command,
-            # Ctrl-C in the terminal reaches the supervisor alone, which then ends them in order.
-            start_new_session=True,
-            env={**os.environ, **transport_environment(), SUPERVISED: '1'},
-            stdin=subprocess.DEVNULL,
+        spare, self._spare = self._spare, None
+        if spare is None or not _tell(spare[0], child.words):
+            spare = _started(child.words, subprocess.DEVNULL)
+        child.process, child.pulse = spare
+
+    def _keep_spare(self, now: float) -> None:
+        """Start a spare once all nodes have settled, so that it takes nothing from their start."""
+        if self._spare is not None and self._spare[0].poll() is not None:
+            self._spare[1].close()
+            self._spare = None
+        settled = all(
+            child.pulse is not None and child.pulse.is_up and now - child.started > SETTLED
+            for child in self.children
         )
+        if self._spare is None and settled:
+            self._spare = _started(['--spare'], subprocess.PIPE)
+
+    def _forget(self, child: Child) -> None:
+        child.process = None
+        if child.pulse is not None:
+            child.pulse.close()
+            child.pulse = None
+
+
+def _started(words: Sequence[str], stdin: int) -> tuple[subprocess.Popen[bytes], Pulse]:
+    """A process of the starter, and its pulse."""
+    reading, writing = os.pipe()
+    os.set_blocking(reading, False)
+    os.set_blocking(writing, False)
+    environment = {**os.environ, **transport_environment()}
+    environment |= {SUPERVISED: '1', HEARTBEAT: str(writing)}
+    process = subprocess.Popen(
+        [sys.executable, STARTER, *words],
+        # Ctrl-C in the terminal reaches the supervisor alone, which then ends them in order.
+        start_new_session=True,
+        env=environment,
+        stdin=stdin,
+        pass_fds=[writing],
+    )
+    os.close(writing)
+    return process, Pulse(reading, process.pid)
+
+
+def _tell(spare: subprocess.Popen[bytes], words: Sequence[str]) -> bool:
+    """Let a spare run the nodes that the words name; whether it heard."""
+    assert spare.stdin is not None
+    try:
+        spare.stdin.write(json.dumps(list(words)).encode() + b'\n')
+        spare.stdin.close()
+    except OSError:
+        return False
+    return spare.poll() is None
 
 
 def enclave_words(enclaves: str, names: Sequence[str]) -> list[str]:

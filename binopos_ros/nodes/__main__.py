@@ -1,4 +1,7 @@
-"""`python binopos_ros/nodes/__main__.py NAME [NAME ...]`: nodes composed in this process."""
+"""`python binopos_ros/nodes/__main__.py NAME [NAME ...]`: nodes composed in this process.
+
+With --spare it imports what any node needs, and waits for the words on its standard input.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,6 @@ from binopos_ros.nodes.supervised import prepare  # noqa: E402 (the path first)
 
 prepare()
 
-from binopos_ros.nodes.compose import compose  # noqa: E402 (signals first: rclpy loads slowly)
+from binopos_ros.nodes.compose import compose, compose_later  # noqa: E402 (signals first)
 
-sys.exit(compose(sys.argv[1:]))
+sys.exit(compose_later() if sys.argv[1:] == ['--spare'] else compose(sys.argv[1:]))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import json
+import os
 import sys
 from collections.abc import Callable, Sequence
 
@@ -40,3 +42,21 @@ def compose(arguments: Sequence[str]) -> int:
         print(f'binopos_ros.nodes: name nodes to run, out of {known}', file=sys.stderr)
         return 2
     return run({name: node_class(name) for name in names}, ros_words)
+
+
+def compose_later() -> int:
+    """Import all nodes, wait for the words of `compose` on standard input, and run them.
+
+    The words come as one line of JSON; at the end of input there is nothing to run.
+    """
+    for name in NODES:
+        try:
+            node_class(name)
+        except ImportError:
+            # Of a node that this machine cannot run; whoever asks for it is told then.
+            continue
+    line = sys.stdin.readline()
+    if not line:
+        return 0
+    os.dup2(os.open(os.devnull, os.O_RDONLY), sys.stdin.fileno())
+    return compose(json.loads(line))

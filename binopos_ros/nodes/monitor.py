@@ -130,6 +130,7 @@ class Monitor(Node):
             rest = self._report.seen - self._report.drops.total() - poses
             self._lose('on their way when it was interrupted', rest)
             return
+        self._mend(poses if at_stamps else 0)
         handed_on = self._report.seen
         for node, ledger in self.ledgers.items():
             self._lose(f'did not reach the {node}', handed_on - ledger.taken)
@@ -138,6 +139,13 @@ class Monitor(Node):
             handed_on = ledger.used
         if at_stamps:
             self._lose('did not come back from the smoother', handed_on - poses)
+
+    def _mend(self, came_out: int) -> None:
+        """What came out of a node went through it, also where its last books died with it."""
+        for ledger in reversed(self.ledgers.values()):
+            ledger.used = max(ledger.used, came_out)
+            ledger.taken = max(ledger.taken, ledger.used + ledger.lost.total())
+            came_out = ledger.taken
 
     def _lose(self, reason: str, count: int) -> None:
         if count > 0:

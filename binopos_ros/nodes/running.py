@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from binopos_ros.node_options import Parameters
 from binopos_ros.nodes.shell import is_empty_list, one_line
-from binopos_ros.nodes.supervised import is_supervised
+from binopos_ros.nodes.supervised import Heart, bear_name, is_supervised
 from binopos_ros.parameters import ParameterError
 
 RCLError = rclpy_implementation.RCLError
@@ -44,12 +44,16 @@ def stop_on_signals() -> threading.Event:
 def spin(nodes: Sequence[Node], stop: threading.Event) -> None:
     """Run the nodes until `stop` is set or their context is shut down."""
     executor = EventsExecutor()
+    heart = Heart()
     for node in nodes:
         executor.add_node(node)
+    heart.beat()
+    bear_name(nodes[0].get_name())
     try:
         # EventsExecutor.spin() never returns in the wheels of rclpy 7.1; spin_once does.
         while rclpy.ok() and not stop.is_set():
             executor.spin_once(timeout_sec=SIGNAL_LATENCY)
+            heart.beat()
     finally:
         executor.shutdown()
 
