@@ -346,11 +346,11 @@ def test_other_suites_are_told_from_ones_own(short, ros_domain):
     with neighbour() as node:
         diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         node.create_timer(0.2, lambda: diagnostics.publish(DiagnosticArray(status=[status])))
-        done = binopos('replay', short)
+        done = binopos('replay', short, *EVERY)
         assert done.returncode == 0, done.stderr
         assert figure(done.stdout, 'dropped') == '0'
         node.create_publisher(PoseWithCovarianceStamped, 'target/pose', 10)
-        done = binopos('replay', short)
+        done = binopos('replay', short, *EVERY)
     assert done.returncode == 2
     (line,) = (line for line in done.stderr.splitlines() if line.startswith('binopos replay'))
     assert '/stereo/target/pose is published by 2 nodes: /stereo/neighbour, ' in line
