@@ -24,6 +24,7 @@ from binopos_ros.cli.config import (
     parameters_of,
     told_sources,
 )
+from binopos_ros.cli.dives import process_all
 from binopos_ros.cli.output import Output, Table
 from binopos_ros.cli.outputs import add_force_argument, written
 from binopos_ros.cli.progress import progress
@@ -42,6 +43,8 @@ HELP = 'run a bag through the same stages offline, every pair, as fast as possib
 #: JPEG decoding gives the interpreter's lock free, so that two cores are used.
 DECODERS = 2
 READ_AHEAD = 8
+#: A bound for slips of the keyboard; each job takes a processor and 200 MB.
+MOST_JOBS = 256
 GARBAGE_THRESHOLD = 50_000
 #: Parameters of mallopt(3).
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
@@ -69,11 +72,31 @@ _Item = _Images | _Calibration | _Motion
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
-    parser.add_argument('bag', type=Path, metavar='BAG', help='bag of a stereo rig')
     parser.add_argument(
-        '-o', '--output', type=Path, required=True, metavar='OUT.mcap', help='bag to write'
+        'bags', type=Path, nargs='+', metavar='BAG', help='bag of a stereo rig, or several'
     )
-    parser.add_argument('--csv', type=Path, metavar='FILE', help='table of positions to write')
+    parser.add_argument(
+        '--jobs',
+        type=int,
+        choices=range(1, MOST_JOBS + 1),
+        metavar='N',
+        help='bags at a time, a process each (default: 1); outputs then are folders, as they are '
+        'for several bags',
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        type=Path,
+        required=True,
+        metavar='OUT.mcap',
+        help='bag to write; a folder for several',
+    )
+    parser.add_argument(
+        '--csv',
+        type=Path,
+        metavar='FILE',
+        help='table of positions to write; a folder for several bags',
+    )
     add_force_argument(parser)
     add_config_argument(parser)
     add_calibration_argument(parser)
@@ -83,6 +106,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
+    if arguments.jobs or len(arguments.bags) > 1:
+        return process_all(process_one, arguments)
+    (arguments.bag,) = arguments.bags
+    report = process_one(arguments)
+    print(f'{arguments.bag} -> {arguments.output}')
+    print(report)
+    if not report.raw.stamps:
+        print(f'binopos process: {arguments.bag} gave no position', file=sys.stderr)
+        return 1
+    return 0
+
+
+def process_one(arguments: argparse.Namespace) -> Report:
+    """Process one bag; what came of it.
+
+    Raises:
+        BagError, ParameterError, OutputError, or the error of a room: the bag cannot be read, the
+        parameters cannot be used, or the output cannot be written.
+    """
     report = Report()
     _keep_memory()
     with ExitStack() as stack:
@@ -116,12 +158,7 @@ def main(arguments: argparse.Namespace) -> int:
             if table is not None and isinstance(event, Located):
                 table.write(event)
     report.conclude()
-    print(f'{arguments.bag} -> {arguments.output}')
-    print(report)
-    if not report.raw.stamps:
-        print(f'binopos process: {arguments.bag} gave no position', file=sys.stderr)
-        return 1
-    return 0
+    return report
 
 
 def _keep_memory() -> None:
