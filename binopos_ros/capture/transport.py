@@ -10,6 +10,8 @@ DEFAULT_SEGMENT = 512 * 1024
 PROFILE_SEGMENT = 64 * 1024 * 1024
 """Bytes of the segment that Fast DDS takes by itself, and by config/fastdds.xml."""
 
+SHARED_MEMORY = '/dev/shm'
+TRANSPORTS_VARIABLE = 'FASTDDS_BUILTIN_TRANSPORTS'
 PROFILE_VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 _OWN_MIDDLEWARE = ('', 'rmw_fastrtps_cpp', 'rmw_fastrtps_dynamic_cpp')
 
@@ -42,3 +44,39 @@ def profile_environment(
     if image_bytes <= DEFAULT_SEGMENT or not uses_fast_dds(environment):
         return {}
     return {} if user_profile(environment) else {PROFILE_VARIABLES[0]: str(profile)}
+
+
+def free_shared_memory() -> int | None:
+    """Bytes that are free for the segments of the middleware; None where that cannot be told."""
+    try:
+        memory = os.statvfs(SHARED_MEMORY)
+    except OSError:
+        return None
+    return memory.f_bavail * memory.f_frsize
+
+
+def network_environment(
+    participants: int, environment: Mapping[str, str] = os.environ
+) -> dict[str, str]:
+    """What to add to the environment of nodes where shared memory is too full for their segments.
+
+    Fast DDS maps its segments without asking whether there is room, and is killed when it writes
+    there. Nothing where there is room, the middleware is another, or the user has chosen.
+
+    :param participants: processes that will each have a segment, and as much again for its ports.
+    """
+    free = free_shared_memory()
+    if free is None or free >= 2 * participants * DEFAULT_SEGMENT:
+        return {}
+    if not uses_fast_dds(environment) or TRANSPORTS_VARIABLE in environment:
+        return {}
+    return {TRANSPORTS_VARIABLE: 'UDPv4'}
+
+
+def full_memory_notice() -> str:
+    """What to tell where `network_environment` gives anything."""
+    free = (free_shared_memory() or 0) / 1e6
+    return (
+        f'{SHARED_MEMORY} is full ({free:.1f} MB free): the nodes use the network instead, which '
+        f'is slower; make room there (fastrtps_* are left by nodes that were killed)'
+    )

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from binopos_ros.capture.transport import TRANSPORTS_VARIABLE, full_memory_notice
 from binopos_ros.cli.pulse import Pulse
 from binopos_ros.cli.transport import transport_environment
 from binopos_ros.nodes.supervised import HEARTBEAT, STARTER, SUPERVISED
@@ -81,6 +82,8 @@ class Supervisor:
 
     def start(self) -> None:
         """Start every node."""
+        if TRANSPORTS_VARIABLE in transport_environment():
+            self.report(full_memory_notice())
         for child in self.children:
             self._start(child)
 
@@ -107,9 +110,12 @@ class Supervisor:
             pause = 0.0 if now - child.started > RECOVERED else child.pause
             child.pause = min(2 * pause, LONGEST_PAUSE) if pause else FIRST_PAUSE
             when = f'in {pause:g} s' if pause else 'at once'
-            self.report(
-                f'the {child.name} died ({describe_exit(status)}): starting it again {when}'
-            )
+            why = describe_exit(status)
+            if status == -signal.SIGBUS and TRANSPORTS_VARIABLE in transport_environment():
+                # A spare has been told of another transport.
+                self._end_spare()
+                why = full_memory_notice()
+            self.report(f'the {child.name} died ({why}): starting it again {when}')
             self._forget(child)
             child.restart_at = now + pause
             if not pause:
@@ -122,12 +128,7 @@ class Supervisor:
 
         Not SIGINT: a Python that is still starting up answers it with a traceback.
         """
-        if self._spare is not None:
-            process, pulse = self._spare
-            process.kill()
-            process.wait()
-            pulse.close()
-            self._spare = None
+        self._end_spare()
         for number in (signal.SIGTERM, signal.SIGKILL):
             running = [child for child in self.children if child.process is not None]
             for child in running:
@@ -163,6 +164,14 @@ class Supervisor:
         )
         if self._spare is None and settled:
             self._spare = _started(['--spare'], subprocess.PIPE)
+
+    def _end_spare(self) -> None:
+        if self._spare is not None:
+            process, pulse = self._spare
+            process.kill()
+            process.wait()
+            pulse.close()
+            self._spare = None
 
     def _forget(self, child: Child) -> None:
         child.process = None

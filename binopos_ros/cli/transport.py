@@ -7,10 +7,14 @@ import sys
 from pathlib import Path
 
 import binopos_ros
-from binopos_ros.capture.transport import PROFILE_SEGMENT, profile_environment
+from binopos_ros.capture.transport import (
+    PROFILE_SEGMENT,
+    free_shared_memory,
+    network_environment,
+    profile_environment,
+)
 
 PROFILE = Path('config') / 'fastdds.xml'
-SHARED_MEMORY = '/dev/shm'
 #: Nodes of the suite, the player and a recorder: each has a segment of its own.
 PARTICIPANTS = 6
 
@@ -19,16 +23,12 @@ def transport_environment() -> dict[str, str]:
     """What to add to the environment of nodes, and of this process before it starts ROS.
 
     Nothing where the user has a profile, where the middleware is another, or where the machine has
-    no room for the segments.
+    no room for the segments; where there is none for the smallest, what makes do without.
     """
-    profile = find_profile()
-    if profile is None:
-        return {}
-    try:
-        memory = os.statvfs(SHARED_MEMORY)
-    except OSError:
-        return {}
-    if memory.f_bavail * memory.f_frsize < PARTICIPANTS * PROFILE_SEGMENT:
+    if network := network_environment(PARTICIPANTS):
+        return network
+    profile, free = find_profile(), free_shared_memory()
+    if profile is None or free is None or free < PARTICIPANTS * PROFILE_SEGMENT:
         return {}
     # A burst of pairs does not fit the default segment even where one image does.
     return profile_environment(profile, PROFILE_SEGMENT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -16,6 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from binopos_ros.capture.transport import full_memory_notice, network_environment
 from binopos_ros.node_options import Parameters
 from binopos_ros.nodes.shell import is_empty_list, one_line
 from binopos_ros.nodes.supervised import Heart, bear_name, is_supervised
@@ -75,6 +77,9 @@ def run(factories: Mapping[str, Callable[..., Node]], words: Sequence[str]) -> i
         if not is_supervised():
             for notice in given.notices():
                 print(notice, file=sys.stderr)
+            if network := network_environment(1):
+                print(full_memory_notice(), file=sys.stderr)
+                os.environ.update(network)
         rclpy.init(
             args=['--ros-args', *given.others] if given.others else [],
             signal_handler_options=SignalHandlerOptions.NO,

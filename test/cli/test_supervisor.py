@@ -206,3 +206,34 @@ def test_each_process_has_the_enclave_of_its_node():
     ]
     (both,) = Supervisor(nodes, single_process=True, enclaves='/binopos').children
     assert both.words[-3:] == ['--ros-args', '--enclave', '/binopos/detector']
+
+
+@pytest.mark.parametrize('kilobytes', [64, 600])
+def test_nodes_do_without_shared_memory_where_it_is_full_and_say_so(
+    ros_domain, tmp_path, kilobytes
+):
+    """In a namespace of its own, where /dev/shm is as small as that."""
+    small = f'mount -t tmpfs -o size={kilobytes}k tmpfs /dev/shm'
+    if subprocess.run(
+        ['unshare', '-m', 'sh', '-c', small], check=False, capture_output=True
+    ).returncode:
+        pytest.skip('needs root: /dev/shm cannot be replaced')
+    path = tmp_path / 'stderr'
+    node = f'exec {sys.executable} -P {STARTER} smoother'
+    with path.open('w') as errors:
+        process = subprocess.Popen(
+            ['unshare', '-m', 'sh', '-c', f'{small} && {node}'], stderr=errors
+        )
+    try:
+        comm = Path(f'/proc/{process.pid}/comm')
+        deadline = time.monotonic() + PATIENCE
+        while comm.read_text().strip() != 'smoother':
+            assert process.poll() is None, path.read_text()
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE) == 0
+    finally:
+        process.kill()
+    assert path.read_text().startswith('/dev/shm is full (0.')
+    assert path.read_text().count('\n') == 1
