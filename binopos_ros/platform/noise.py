@@ -30,9 +30,9 @@ SIGNIFICANT = 3.0
 
 
 class Measure(NamedTuple):
-    """Variances (6,) that differ from sample to sample, m^2 and rad^2, of so many samples."""
+    """Six variances that differ from sample to sample, m^2 and rad^2, of so many samples."""
 
-    variances: Array
+    variances: tuple[float, ...]
     weight: float
 
 
@@ -44,7 +44,7 @@ class SampleNoise:
 
     def reset(self) -> None:
         """Forget what was measured."""
-        self._squares = np.zeros(6)
+        self._squares = [0.0] * 6
         self._weight = 0.0
 
     def add(self, stamps: Sequence[int], transforms: Sequence[Transform]) -> Measure | None:
@@ -55,48 +55,44 @@ class SampleNoise:
         """
         if len(stamps) <= ORDER:
             return None
-        seconds = [(stamp - stamps[0]) * 1e-9 for stamp in stamps]
-        weights = []
-        for each, own in enumerate(seconds):
-            weight = 1.0
-            for other, there in enumerate(seconds):
-                if other != each:
-                    weight /= own - there
-            weights.append(weight)
-        scale = 1 / sum(weight * weight for weight in weights) ** 0.5
-        back = conjugate(transforms[0].rotation)
-        sums = [0.0] * 6
-        for weight, transform in zip(weights, transforms, strict=True):
-            turn = rotation_vector(product(transform.rotation, back))
-            for axis, value in enumerate((*transform.translation, *turn)):
-                sums[axis] += weight * scale * value
+        # Plain floats: this is done for every sample.
+        t1, t2, t3 = ((stamp - stamps[0]) * 1e-9 for stamp in stamps[1:])
+        w0 = -1 / (t1 * t2 * t3)
+        w1 = 1 / (t1 * (t1 - t2) * (t1 - t3))
+        w2 = 1 / (t2 * (t2 - t1) * (t2 - t3))
+        w3 = 1 / (t3 * (t3 - t1) * (t3 - t2))
+        share = 1 / (w0 * w0 + w1 * w1 + w2 * w2 + w3 * w3)
+        first, *others = transforms
+        back = conjugate(first.rotation)
+        turns = [rotation_vector(product(other.rotation, back)) for other in others]
         keep = 1 - 1 / MEMORY
-        self._squares = keep * self._squares + np.square(sums)
         self._weight = keep * self._weight + 1.0
-        return Measure(self._squares / self._weight, self._weight)
+        squares = self._squares
+        for axis in range(3):
+            a, b, c = (other.translation[axis] for other in others)
+            place = w0 * first.translation[axis] + w1 * a + w2 * b + w3 * c
+            squares[axis] = keep * squares[axis] + share * place * place
+            turn = w1 * turns[0][axis] + w2 * turns[1][axis] + w3 * turns[2][axis]
+            squares[axis + 3] = keep * squares[axis + 3] + share * turn * turn
+        return Measure(tuple(square / self._weight for square in squares), self._weight)
 
 
-def shares_of(measure: Measure | None, stated: Array) -> Array:
-    """(6,) share of stated variances (6,) that differs from sample to sample, 0 to 1.
+def parted(covariance: Array, measure: Measure | None) -> tuple[Array, Array | None]:
+    """The parts (6, 6) of a stated covariance that differ from sample to sample, and are slow.
 
-    All of it, unless clearly less is measured.
+    All of it differs, unless clearly less is measured, axis by axis. Each axis keeps its variance;
+    what is slow in one is not correlated with what is quick in another.
     """
     if measure is None:
-        return np.ones(6)
-    # Of an exponential memory twice its weight counts, in the end.
-    chance = SIGNIFICANT * (CORRELATED / measure.weight) ** 0.5
-    ratio = measure.variances / stated
-    shares: Array = np.where(ratio < 1 - chance, ratio, 1.0)
-    return shares
-
-
-def parted(covariance: Array, shares: Array) -> tuple[Array, Array | None]:
-    """The parts (6, 6) of a covariance that differ from sample to sample, and that are slow.
-
-    Each axis keeps its variance; what is slow in one axis is not correlated with what is quick in
-    another.
-    """
-    if (shares == 1.0).all():
         return covariance, None
+    # Of an exponential memory twice its weight counts, in the end.
+    clear = 1 - SIGNIFICANT * (CORRELATED / measure.weight) ** 0.5
+    ratios = [
+        measured / stated
+        for measured, stated in zip(measure.variances, covariance.diagonal().tolist(), strict=True)
+    ]
+    if min(ratios) >= clear:
+        return covariance, None
+    shares = np.array([ratio if ratio < clear else 1.0 for ratio in ratios])
     quick, slow = np.sqrt(shares), np.sqrt(1 - shares)
     return quick[:, None] * covariance * quick, slow[:, None] * covariance * slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 
@@ -10,8 +11,8 @@ from numpy.typing import NDArray
 
 from binopos_ros.platform.errors import PlatformError
 from binopos_ros.platform.history import History, Limits, Missing
-from binopos_ros.platform.noise import parted, shares_of
-from binopos_ros.platform.rig_pose import PlacedRig, rates
+from binopos_ros.platform.noise import parted
+from binopos_ros.platform.rig_pose import AT_REST, PlacedRig, rates
 from binopos_ros.platform.transforms import Transform, joined, transform_of
 
 Array = NDArray[np.float64]
@@ -69,7 +70,7 @@ class Odometry:
             return problem
         if len(history.stamps) <= count:
             self._covariances.clear()
-        known = bool(np.isfinite(covariance).all() and (np.diag(covariance) > 0).all())
+        known = math.isfinite(covariance.sum()) and min(covariance.diagonal().tolist()) > 0
         self._covariances.insert(at, covariance if known else None)
         old = history.too_old()
         history.drop_oldest(old)
@@ -88,7 +89,7 @@ class Odometry:
         robot = history.at(bracket)
         pose = joined(robot, self._mounting)
         weight, span = bracket.weight, history.span(bracket)
-        velocity, turn = np.zeros(3), np.zeros(3)
+        velocity = turn = AT_REST
         if span and moving:
             second = min(bracket.first + 1, len(history.stamps) - 1)
             ends = (history.transforms[second - 1], history.transforms[second])
@@ -110,4 +111,4 @@ class Odometry:
         if covariance is None:
             measure = self._history.measures[at]
             return None if measure is None else np.diag(measure.variances), None
-        return parted(covariance, shares_of(self._history.measures[at], np.diag(covariance)))
+        return parted(covariance, self._history.measures[at])

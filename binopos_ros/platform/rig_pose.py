@@ -20,6 +20,9 @@ from binopos_ros.platform.transforms import Transform
 Array = NDArray[np.float64]
 
 
+AT_REST: Array = np.zeros(3)
+
+
 class PlacedRig(NamedTuple):
     """Where the rig is, without what is known of the errors.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from binopos_ros.platform.errors import PlatformError
 from binopos_ros.platform.history import SECOND, Bracket, History, Limits, Missing
 from binopos_ros.platform.quaternions import Vector, matrix_of
-from binopos_ros.platform.rig_pose import PlacedRig, rates
+from binopos_ros.platform.rig_pose import AT_REST, PlacedRig, rates
 from binopos_ros.platform.transforms import SAME, Transform, inverse, joined, transform_of
 
 Array = NDArray[np.float64]
@@ -117,7 +117,7 @@ class TransformTree:
             if own > span:
                 span, weight = own, bracket.weight
                 white = (1 - weight) ** 2 + weight**2
-        velocity, turn = np.zeros(3), np.zeros(3)
+        velocity = turn = AT_REST
         if span and moving:
             later = {
                 child: _moved(self._history(child), bracket, span)
@@ -155,7 +155,7 @@ class TransformTree:
             error = np.zeros((6, 6))
             error[:3, :3] = error[3:, 3:] = axes
             error[:3, 3:] = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]]) @ axes
-            whole += error * measure.variances @ error.T
+            whole += error * np.array(measure.variances) @ error.T
         return whole
 
     def _history(self, child: str) -> History:
