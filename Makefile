@@ -25,7 +25,7 @@ check: $(VENV)/ready
 bench: $(VENV)/ready
 	$(BIN)/pip install --quiet -r requirements-bench.txt
 	for name in optics/speed triangulation/index detection/speed smoothing/speed bag/libraries \
-		simulation/rendering platform/speed platform/hovering pipeline; do \
+		simulation/rendering platform/speed platform/target pipeline; do \
 		echo "== bench/$$name.py"; $(BIN)/python bench/$$name.py || exit 1; done
 
 # The part of `make test` on real camera drivers, in a virtual machine; it installs QEMU.

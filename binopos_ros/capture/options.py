@@ -90,6 +90,11 @@ class CaptureOptions:
     lock_exposure: bool = option(
         False, "Keep the right camera's exposure and gain equal to the left's"
     )
+    publish_tf: bool = option(
+        False,
+        "The right camera's frame under the left one's, by their calibration, on /tf_static",
+        read_only=True,
+    )
 
     def __post_init__(self) -> None:
         known_format(self.pixel_format)

@@ -36,6 +36,7 @@ from binopos_ros.nodes.camera_controls import ControlParameters
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.messages import header
 from binopos_ros.nodes.shell import StageNode
+from binopos_ros.nodes.transforms import offer_right_under_left
 from binopos_ros.optics.camera_info import CameraInfo as Calibration
 from binopos_ros.optics.camera_info_message import camera_info_fields
 from binopos_ros.optics.camera_info_url import check_pair, name_fault, read_calibration
@@ -124,6 +125,9 @@ class CameraNode(StageNode):
             for side, calibration in self._calibrations.items()
         }
         self._frame_ids = {'left': options.left.frame_id, 'right': options.right.frame_id}
+        if options.publish_tf:
+            frames = options.left.frame_id, options.right.frame_id
+            self._frames = offer_right_under_left(self, frames, self._calibrations)
 
     def _on_frame(self, source: str, frame: Frame, form: Format) -> None:
         if form.pixel_format in JPEG_FORMATS:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 
 from binopos_ros.nodes import messages
+from binopos_ros.optics import CameraInfo, stereo_from_camera_infos
 from binopos_ros.parameters import ParameterError
+from binopos_ros.platform.quaternions import quaternion_of
 
 TF, TF_STATIC = '/tf', '/tf_static'
 DEPTH = 100
@@ -45,3 +50,32 @@ def transform(
     place.x, place.y, place.z = (float(value) for value in translation)
     turn.x, turn.y, turn.z, turn.w = (float(value) for value in rotation)
     return made
+
+
+def offer_right_under_left(
+    node: Node, frames: tuple[str, str], calibrations: Mapping[str, CameraInfo]
+) -> Publisher:
+    """Publish where the right camera's frame is in the left one's, for all who come.
+
+    Args:
+        node: gets the publisher.
+        frames: of the left and the right camera.
+        calibrations: by side.
+
+    Raises:
+        ParameterError: a calibration is missing, or the message package.
+        OpticsError: the calibrations make no rig.
+    """
+    if len(calibrations) < 2:
+        msg = 'publish_tf needs left.camera_info_url and right.camera_info_url: set both'
+        raise ParameterError(msg)
+    kind = tf_message('publish_tf')
+    _, _, rotation, translation = stereo_from_camera_infos(
+        calibrations['left'], calibrations['right']
+    )
+    publisher = node.create_publisher(kind, TF_STATIC, latched())
+    place = -rotation.T @ translation
+    stamp = node.get_clock().now().nanoseconds
+    made = transform(stamp, *frames, place, quaternion_of(rotation.T))
+    publisher.publish(kind(transforms=[made]))
+    return publisher

@@ -6,6 +6,7 @@ import csv
 import importlib.util
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -283,3 +284,49 @@ def test_without_the_message_package_one_line_says_what_to_do(bag, ros_domain, v
     assert done.returncode == 2
     (line,) = [each for each in done.stderr.splitlines() if 'tf2_msgs' in each and 'apt' in each]
     assert 'ros-jazzy-tf2-msgs' in line
+
+
+@pytest.mark.live
+def test_the_camera_node_offers_the_right_camera_s_frame_under_the_left_one_s(
+    bag, ros_domain, tmp_path, tf_environment, monkeypatch
+):
+    for name, value in tf_environment.items():
+        monkeypatch.setenv(name, value)
+    recorder = subprocess.Popen(
+        [sys.executable, '-m', 'binopos_ros', 'record', '-o', str(tmp_path / 'frames')],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    # Without cameras: it waits for them to be plugged in, and knows their places already.
+    values = {
+        'publish_tf': 'true',
+        'width': '1280',
+        'height': '960',
+        **{f'{side}.camera_info_url': str(bag / f'{side}.yaml') for side in ('left', 'right')},
+    }
+    words = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
+    camera = subprocess.Popen(
+        [sys.executable, '-m', 'binopos_ros.nodes', 'camera', '--ros-args', *words],
+        stderr=subprocess.DEVNULL,
+    )
+    # What never comes is not waited for for ever.
+    end = threading.Timer(120, recorder.kill)
+    end.start()
+    try:
+        assert any('recording /tf_static' in line for line in recorder.stderr)
+    finally:
+        end.cancel()
+        camera.send_signal(2)
+        camera.wait(20)
+        recorder.send_signal(2)
+        recorder.communicate(timeout=20)
+    with BagReader(tmp_path / 'frames') as reader:
+        (message,) = map(reader.decode, reader.messages(['/tf_static']))
+    with BagReader(bag) as reader:
+        simulated = reader.decode(next(reader.messages(['/tf_static'])))
+    ((_, parent, child, place, turn),) = transforms_of(message)
+    (expected,) = [each for each in transforms_of(simulated) if each[2] == child]
+    assert (parent, child) == ('left_camera_optical_frame', 'right_camera_optical_frame')
+    np.testing.assert_allclose(place, expected[3], atol=1e-9)
+    np.testing.assert_allclose(turn, expected[4], atol=1e-9)

@@ -1,6 +1,6 @@
 """A target before a hovering robot: the pose beside the raw position and the optimal filter.
 
-python bench/platform/hovering.py
+python bench/platform/target.py
 
 RMS in the fixed frame, mm, of ten seconds at 30 Hz. `optimal` is the mean weighted by the true
 covariances of a filter that is told that the target is at rest; `mean` the same by the covariances
