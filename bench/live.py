@@ -1,0 +1,245 @@
+"""The live nodes beside the plain pipeline that a user would write, on the same bag in one run.
+
+    python bench/live.py BAG [--rate 30] [--seconds 20] [--rounds 2] [--json FILE]
+
+BAG is a bag of `binopos simulate` (JPEG). Its pictures are published again and again at a rate,
+with the present as their stamp, to one of the two at a time, in turns. A latency is the time from a
+pair's stamp to the arrival of its pose in this process; processor time is that of the processes that
+make the pose, all their threads, divided by the pairs sent; what gave no pose is lost. The plain
+pipeline is one rclpy node: OpenCV decodes, finds red by inRange, takes the moments and triangulates
+along straight rays; pairs by equal stamps alone, and no covariance and no filter.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import itertools
+import json
+import os
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+SIDES = ('left', 'right')
+SUITE = ('detector', 'triangulator', 'smoother')
+PLAIN = 'plain pipeline'
+TICKS = os.sysconf('SC_CLK_TCK')
+SETTLE, DRAIN, START = 1.0, 1.5, 60.0
+DOMAIN = '87'
+INPUTS = ('image_raw/compressed', 'camera_info')
+
+
+def plain() -> None:
+    """What a user would write first."""
+    import rclpy
+    from geometry_msgs.msg import PoseStamped
+    from rclpy.node import Node
+    from rclpy.qos import qos_profile_sensor_data
+    from sensor_msgs.msg import CameraInfo, CompressedImage
+
+    class Plain(Node):
+        def __init__(self) -> None:
+            super().__init__('plain')
+            self.infos: dict[str, Any] = {}
+            self.seen: dict[str, tuple[int, Any]] = {}
+            self.poses = self.create_publisher(PoseStamped, '/plain/pose', 10)
+            for side in SIDES:
+                self.create_subscription(
+                    CompressedImage,
+                    f'/stereo/{side}/image_raw/compressed',
+                    lambda message, side=side: self.take(side, message),
+                    qos_profile_sensor_data,
+                )
+                self.create_subscription(
+                    CameraInfo,
+                    f'/stereo/{side}/camera_info',
+                    lambda message, side=side: self.infos.update({side: message}),
+                    latched(),
+                )
+
+        def take(self, side: str, message: Any) -> None:
+            picture = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_COLOR)
+            hsv = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
+            mask = cv2.inRange(hsv, (0, 110, 60), (8, 255, 255))
+            mask |= cv2.inRange(hsv, (168, 110, 60), (180, 255, 255))
+            m = cv2.moments(mask, binaryImage=True)
+            if m['m00'] == 0 or len(self.infos) < 2:
+                return
+            info = self.infos[side]
+            centre = np.array([[[m['m10'] / m['m00'], m['m01'] / m['m00']]]])
+            k, r, p = (np.reshape(each, (3, -1)) for each in (info.k, info.r, info.p))
+            point = cv2.undistortPoints(centre, k, np.array(info.d), R=r, P=p).reshape(2, 1)
+            stamp = message.header.stamp
+            self.seen[side] = stamp.sec * 10**9 + stamp.nanosec, point
+            (one, left), (other, right) = (self.seen.get(each, (-1, None)) for each in SIDES)
+            if one != other or left is None:
+                return
+            matrices = [np.reshape(self.infos[each].p, (3, 4)) for each in SIDES]
+            x, y, z, w = cv2.triangulatePoints(*matrices, left, right).ravel()
+            pose = PoseStamped(header=message.header)
+            place = pose.pose.position
+            place.x, place.y, place.z = x / w, y / w, z / w
+            self.poses.publish(pose)
+
+    rclpy.init()
+    with contextlib.suppress(KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+        rclpy.spin(Plain())
+
+
+def latched() -> Any:
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def processor_seconds(processes: list[subprocess.Popen[bytes]]) -> float:
+    total = 0
+    for process in processes:
+        fields = Path(f'/proc/{process.pid}/stat').read_text().rpartition(')')[2].split()
+        total += int(fields[11]) + int(fields[12])
+    return total / TICKS
+
+
+def started(name: str, bag: Path) -> list[subprocess.Popen[bytes]]:
+    quiet: dict[str, Any] = {'stdout': subprocess.DEVNULL, 'stderr': subprocess.DEVNULL}
+    if name == PLAIN:
+        return [subprocess.Popen([sys.executable, __file__, '--plain'], **quiet)]
+    words = ['--ros-args', '--params-file', str(bag / 'binopos.yaml')]
+    return [
+        subprocess.Popen([sys.executable, '-m', 'binopos_ros.nodes', each, *words], **quiet)
+        for each in SUITE
+    ]
+
+
+class Feed:
+    """Publishes the bag's pictures, and notes when poses come."""
+
+    def __init__(self, bag: Path) -> None:
+        import rclpy
+        from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+        from sensor_msgs.msg import CameraInfo, CompressedImage
+
+        from binopos_ros.bag import BagReader
+
+        rclpy.init()
+        self.node = rclpy.create_node('feed')
+        self.pictures, self.publishers, self.infos = {}, {}, {}
+        with BagReader(bag) as reader:
+            for side in SIDES:
+                topics = [f'/stereo/{side}/{each}' for each in INPUTS]
+                self.pictures[side] = [bytearray(r.data) for r in reader.messages(topics[:1])]
+                info = next(iter(reader.messages(topics[1:]))).data
+                self.publishers[side] = self.node.create_publisher(CompressedImage, topics[0], 10)
+                self.infos[side] = self.node.create_publisher(CameraInfo, topics[1], latched())
+                self.infos[side].publish(bytes(info))
+        self.came: dict[int, int] = {}
+        for kind, topic in (
+            (PoseWithCovarianceStamped, '/stereo/target/pose'),
+            (PoseStamped, '/plain/pose'),
+        ):
+            self.node.create_subscription(kind, topic, self.note, 100)
+
+    def note(self, message: Any) -> None:
+        stamp = message.header.stamp
+        self.came.setdefault(stamp.sec * 10**9 + stamp.nanosec, time.time_ns())
+
+    def spin(self, until: float) -> None:
+        import rclpy
+
+        while (left := until - time.monotonic()) > 0:
+            rclpy.spin_once(self.node, timeout_sec=left)
+
+    def connect(self, topic: str) -> None:
+        end = time.monotonic() + START
+        publishers = [*self.publishers.values(), *self.infos.values()]
+        while not (
+            all(each.get_subscription_count() for each in publishers)
+            and self.node.count_publishers(topic)
+        ):
+            if time.monotonic() > end:
+                sys.exit(f'nobody serves {topic} after {START:.0f} s')
+            self.spin(time.monotonic() + 0.1)
+        self.spin(time.monotonic() + SETTLE)
+
+    def send(self, side: str, k: int, stamp: int) -> None:
+        data = self.pictures[side][k % len(self.pictures[side])]
+        # Every message begins with its header's stamp.
+        struct.pack_into('<iI', data, 4, *divmod(stamp, 10**9))
+        self.publishers[side].publish(bytes(data))
+
+    def run(self, name: str, bag: Path, rate: float, seconds: float) -> dict[str, Any]:
+        processes = started(name, bag)
+        try:
+            self.connect('/plain/pose' if name == PLAIN else '/stereo/target/pose')
+            # The first second warms up and is not counted.
+            sent, warm, begin = [], round(rate), time.monotonic()
+            spent = 0.0
+            for k in range(warm + round(rate * seconds)):
+                self.spin(begin + k / rate)
+                if k == warm:
+                    spent = processor_seconds(processes)
+                stamp = time.time_ns()
+                for side in SIDES:
+                    self.send(side, k, stamp)
+                if k >= warm:
+                    sent.append(stamp)
+            self.spin(time.monotonic() + DRAIN)
+            spent = processor_seconds(processes) - spent
+        finally:
+            for process in processes:
+                process.terminate()
+            for process in processes:
+                process.wait()
+        taken = [1e-6 * (self.came[each] - each) for each in sent if each in self.came]
+        median, high = np.percentile(taken, (50, 99)) if taken else (np.nan, np.nan)
+        return {
+            'name': name,
+            'pairs': len(sent),
+            'lost': len(sent) - len(taken),
+            'median_ms': float(median),
+            'p99_ms': float(high),
+            'cpu_ms_per_pair': 1e3 * spent / len(sent),
+        }
+
+
+def main() -> int:
+    if sys.argv[1:] == ['--plain']:
+        plain()
+        return 0
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('bag', type=Path)
+    parser.add_argument('--rate', type=float, default=30.0, help='pairs per second')
+    parser.add_argument('--seconds', type=float, default=20.0)
+    parser.add_argument('--rounds', type=int, default=2)
+    parser.add_argument('--json', type=Path)
+    options = parser.parse_args()
+    os.environ['ROS_DOMAIN_ID'] = DOMAIN
+    from binopos_ros.detection import JPEG_DECODER
+
+    feed = Feed(options.bag)
+    names = (f'the suite ({JPEG_DECODER})', PLAIN)
+    results = []
+    print(f'{options.rate:g} pairs/s, load {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores')
+    print(f'{"":28}{"pairs":>7}{"lost":>7}{"median ms":>11}{"p99 ms":>9}{"CPU ms/pair":>13}')
+    for _, name in itertools.product(range(options.rounds), names):
+        found = feed.run(name, options.bag, options.rate, options.seconds)
+        results.append({**found, 'rate': options.rate, 'load': os.getloadavg()[0]})
+        print(
+            f'{name:28}{found["pairs"]:7d}{found["lost"]:7d}{found["median_ms"]:11.1f}'
+            f'{found["p99_ms"]:9.1f}{found["cpu_ms_per_pair"]:13.1f}',
+            flush=True,
+        )
+    if options.json:
+        options.json.write_text(json.dumps(results, indent=1) + '\n')
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
