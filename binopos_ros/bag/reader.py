@@ -20,7 +20,6 @@ from binopos_ros.bag.layout import Files, find_files
 from binopos_ros.bag.mcap_storage import McapStorage
 from binopos_ros.bag.records import Record, Storage
 from binopos_ros.bag.ros1 import Ros1Storage
-from binopos_ros.bag.sqlite import SqliteStorage
 
 _log = logging.getLogger('binopos.bag')
 
@@ -130,6 +129,9 @@ class BagReader:
             self._warn(f'{problem}; this part of the bag is left out')
         suffix = next(iter(paths.values())).suffix
         if suffix == '.db3':
+            # Rare, and not every Python has SQLite.
+            from binopos_ros.bag.sqlite import SqliteStorage
+
             return SqliteStorage(paths.values(), paths)
         if suffix == '.bag':
             return Ros1Storage(paths)

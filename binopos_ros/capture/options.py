@@ -6,8 +6,24 @@ from dataclasses import dataclass, field
 
 from binopos_ros.capture.errors import CaptureError
 from binopos_ros.capture.formats import known_format
-from binopos_ros.capture.recovery import Wanted
 from binopos_ros.parameters import option
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """How a camera is to be set up.
+
+    :param frame_rate: 1/s; 0 takes what it is set to.
+    :param frame_timeout: s without a good frame after which the camera counts as frozen.
+    :param usb_reset: whether a camera that stays frozen may be reset, as the last resort.
+    """
+
+    pixel_format: str
+    width: int
+    height: int
+    frame_rate: float = 0.0
+    frame_timeout: float = 1.0
+    usb_reset: bool = False
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from binopos_ros.capture.controls import Control, in_order_of_setting
 from binopos_ros.capture.errors import FAILED, FROZEN, GONE, CaptureError
 from binopos_ros.capture.identity import Identity, find_again
 from binopos_ros.capture.kernel import Kernel
+from binopos_ros.capture.options import Wanted
 from binopos_ros.capture.stream import Frame
 from binopos_ros.capture.usb import Camera
 from binopos_ros.capture.v4l2 import Device, Format
@@ -35,23 +36,6 @@ has taken its time already."""
 STEADY = 5.0
 """Seconds of streaming after which the next loss begins with the smallest pause again."""
 FAILURES_BEFORE_RESET = 3
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """How a camera is to be set up.
-
-    :param frame_rate: 1/s; 0 takes what it is set to.
-    :param frame_timeout: s without a good frame after which the camera counts as frozen.
-    :param usb_reset: whether a camera that stays frozen may be reset, as the last resort.
-    """
-
-    pixel_format: str
-    width: int
-    height: int
-    frame_rate: float = 0.0
-    frame_timeout: float = 1.0
-    usb_reset: bool = False
 
 
 @dataclass

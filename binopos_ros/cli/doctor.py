@@ -8,8 +8,8 @@ import os
 import warnings
 from collections.abc import Generator, Iterator, Mapping
 
-from binopos_ros.capture import CaptureError, usb
-from binopos_ros.capture.errors import DENIED
+from binopos_ros.capture import usb
+from binopos_ros.capture.errors import DENIED, CaptureError
 from binopos_ros.capture.formats import ENCODINGS, JPEG_FORMATS
 from binopos_ros.capture.options import CaptureOptions
 from binopos_ros.capture.survey import Reached, Survey, modes_of, survey

@@ -14,8 +14,8 @@ from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from binopos_ros.capture import CaptureError
 from binopos_ros.capture.controls import Control
+from binopos_ros.capture.errors import CaptureError
 from binopos_ros.capture.recovery import SteadyCamera
 
 LEAVE_ALONE = -1

@@ -20,7 +20,8 @@ from pathlib import Path
 
 from timing import Result, shortest
 
-from binopos_ros.capture.recovery import SteadyCamera, Wanted
+from binopos_ros.capture.options import Wanted
+from binopos_ros.capture.recovery import SteadyCamera
 
 INJECTIONS = {
     'inject_fatal_streaming_error': 'failed',

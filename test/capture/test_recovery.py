@@ -14,7 +14,8 @@ from binopos_ros.capture import errors, recovery
 from binopos_ros.capture import kernel as v4l2
 from binopos_ros.capture.errors import CaptureError
 from binopos_ros.capture.identity import Identity
-from binopos_ros.capture.recovery import Pauses, SteadyCamera, Wanted
+from binopos_ros.capture.options import Wanted
+from binopos_ros.capture.recovery import Pauses, SteadyCamera
 from binopos_ros.capture.usb import Camera
 
 LEFT = Camera('/dev/video0', 'Lab', 0, '1209:0001', 'S1', '3-1', bus=3, address=5)

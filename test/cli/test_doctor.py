@@ -7,13 +7,12 @@ import re
 
 import pytest
 
-from binopos_ros.capture import CaptureError, Mode
-from binopos_ros.capture.errors import DENIED
+from binopos_ros.capture.errors import DENIED, CaptureError
 from binopos_ros.capture.options import CaptureOptions, LeftOptions, RightOptions
 from binopos_ros.capture.skew import Skew
 from binopos_ros.capture.survey import Reached, Survey
 from binopos_ros.capture.usb import Camera
-from binopos_ros.capture.v4l2 import Format
+from binopos_ros.capture.v4l2 import Format, Mode
 from binopos_ros.cli import doctor, machine, main
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING
 from binopos_ros.detection import decoders
