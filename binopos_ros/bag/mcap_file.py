@@ -175,8 +175,8 @@ class McapFile:
         self._declare(channel, self._channels)
         return channel.id
 
-    def add_message(self, channel_id: int, log_ns: int, publish_ns: int, data: bytes) -> None:
-        """Take a message; it is on disk after the next `flush`."""
+    def add_message(self, channel_id: int, log_ns: int, data: bytes) -> None:
+        """Take a message, published when it is logged; it is on disk after the next `flush`."""
         pending = self._pending
         sequence = self.count(channel_id)
         index = pending.index.get(channel_id)
@@ -185,7 +185,7 @@ class McapFile:
         index.records.append((log_ns, pending.size))
         length = _MESSAGE_FIELDS + len(data)
         pending.add(
-            _MESSAGE.pack(Opcode.MESSAGE, length, channel_id, sequence, log_ns, publish_ns), data
+            _MESSAGE.pack(Opcode.MESSAGE, length, channel_id, sequence, log_ns, log_ns), data
         )
         pending.start_ns = min(log_ns, pending.start_ns) if pending.count else log_ns
         pending.end_ns = max(log_ns, pending.end_ns)

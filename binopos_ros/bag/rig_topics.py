@@ -100,14 +100,14 @@ class RigTopics:
     rectified: bool = False
     notes: tuple[str, ...] = ()
 
-    def name_of(self, topic: str, side: str = '') -> str:
-        """The contract's name for a topic of the rig; `side` of one half of a side-by-side one."""
+    def name_of(self, topic: str) -> str:
+        """The contract's name for a topic of the rig."""
         role = self.roles[topic]
         if role.kind in TF_NAMES:
             return TF_NAMES[role.kind]
         if role.kind in OF_NO_CAMERA:
             return f'{self.namespace}/{OF_NO_CAMERA[role.kind]}'
-        return f'{self.namespace}/{side or role.side}/{SUFFIXES[role.kind]}'
+        return f'{self.namespace}/{role.side}/{SUFFIXES[role.kind]}'
 
     def of(self, kind: str, side: str) -> list[str]:
         """Topics of a kind and side: `kind` 'camera_info', or 'image' for either kind of image."""

@@ -102,9 +102,7 @@ class BagWriter:
         self._topics[topic] = _Topic(type, definition or definition_of(type), tuple(qos))
         self._declare(topic)
 
-    def write(
-        self, topic: str, stamp_ns: int, message: Any, *, publish_ns: int | None = None
-    ) -> None:
+    def write(self, topic: str, stamp_ns: int, message: Any) -> None:
         """Append a message, given as CDR bytes or as `rosbags` builds it.
 
         `stamp_ns` is the log time, by which readers order and players pace the messages.
@@ -118,9 +116,7 @@ class BagWriter:
         if self._is_full(stamp_ns, len(message)):
             self._split()
             channel = self._channels[topic]
-        self._file.add_message(
-            channel, stamp_ns, stamp_ns if publish_ns is None else publish_ns, message
-        )
+        self._file.add_message(channel, stamp_ns, message)
 
     def split(self) -> None:
         """Begin a new file, unless the current one is empty.

@@ -15,19 +15,17 @@ SHARED_MEMORY = Path('/dev/shm')
 SEGMENTS = 'fastrtps_[0-9a-f]*_el'
 LOCK_SUFFIX = '_el'
 UNPACKED = 'binopos_bag_*'
+PROCESSES = Path('/proc')
 #: Seconds that a process may need between making a thing and taking hold of it.
 YOUNG = 60.0
 
 
-def clear_leftovers(
-    shared: Path = SHARED_MEMORY, temporary: Path | None = None, processes: Path = Path('/proc')
-) -> None:
+def clear_leftovers(shared: Path = SHARED_MEMORY, temporary: Path | None = None) -> None:
     """Remove this user's leftovers that no process holds any more.
 
     Args:
         shared: where the middleware has its segments.
         temporary: where bags are unpacked; by default the system's folder for that.
-        processes: where the kernel tells what is open.
     """
     for lock in _old(shared, SEGMENTS):
         if _is_free(lock):
@@ -35,7 +33,7 @@ def clear_leftovers(
                 path.unlink(missing_ok=True)
     folders = list(_old(temporary or Path(tempfile.gettempdir()), UNPACKED))
     if folders:
-        held = set(_open_files(processes))
+        held = set(_open_files())
         for folder in folders:
             if folder.is_dir() and not any(path.startswith(f'{folder}/') for path in held):
                 shutil.rmtree(folder, ignore_errors=True)
@@ -63,9 +61,9 @@ def _is_free(lock: Path) -> bool:
     return True
 
 
-def _open_files(processes: Path) -> Iterator[str]:
+def _open_files() -> Iterator[str]:
     """The names of all files that this user's processes have open."""
-    for descriptor in processes.glob('[0-9]*/fd/*'):
+    for descriptor in PROCESSES.glob('[0-9]*/fd/*'):
         try:
             yield os.readlink(descriptor)
         except OSError:

@@ -38,7 +38,6 @@ def record(
     *,
     seed: int = 0,
     threads: int | None = None,
-    split_bytes: int = 0,
     on_pair: Callable[[], None] = lambda: None,
 ) -> None:
     """Render pairs of a scene into a new bag.
@@ -56,7 +55,6 @@ def record(
         pairs: how many.
         seed: of the noise; the same seed gives the same bytes, whatever the number of threads.
         threads: that render at once; default one per processor.
-        split_bytes: begin a new file of the bag where one would grow beyond this; 0: never.
         on_pair: called after each pair that was written.
 
     Raises:
@@ -78,7 +76,7 @@ def record(
     raw = scene.sensor.encoding != 'jpeg'
     picture_topic = 'image_raw' if raw else 'image_raw/compressed'
     picture_type = messages.IMAGE if raw else messages.COMPRESSED_IMAGE
-    with BagWriter(path, split_bytes=split_bytes) as writer:
+    with BagWriter(path) as writer:
         for side in SIDES:
             writer.add_topic(f'{NAMESPACE}/{side}/{picture_topic}', picture_type)
             writer.add_topic(f'{NAMESPACE}/{side}/camera_info', messages.CAMERA_INFO)

@@ -100,16 +100,17 @@ def _chosen(value: T | None, preset: T) -> T:
 
 
 TEXTURES, WAVES, BOARDS, MOTION = range(4)
+SALT_LAYERS = 20
 
 
 def salt_gradient(
-    top: float, bottom: float, depth: float, layers: int = 20
+    top: float, bottom: float, depth: float
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Indices and thicknesses (m) of thin layers for an index that rises linearly with depth."""
-    middles = (np.arange(layers) + 0.5) / layers
+    middles = (np.arange(SALT_LAYERS) + 0.5) / SALT_LAYERS
     indices = tuple(float(value) for value in top + (bottom - top) * middles)
     # The last layer goes on below the floor: it needs no thickness.
-    return indices, (depth / layers,) * (layers - 1)
+    return indices, (depth / SALT_LAYERS,) * (SALT_LAYERS - 1)
 
 
 def washbowl(choices: Choices = Choices(), half_size: bool = False) -> Scene:  # noqa: B008

@@ -9,7 +9,6 @@ target that keeps still.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -20,7 +19,6 @@ from binopos_ros.smoothing.cloud import SlidingCloud, certainty
 from binopos_ros.smoothing.kalman import Gaussian, KalmanOptions, estimate, predict, update
 from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option, tuned_options
-from binopos_ros.smoothing.state import FilterState
 
 Array = NDArray[np.float64]
 
@@ -88,8 +86,3 @@ class PaperCloudKalmanFilter(Filter[_Memory]):
 
     def _estimate(self, memory: _Memory) -> Estimate:
         return estimate(memory.gaussian)
-
-
-def most_certain(states: Iterable[FilterState]) -> FilterState:
-    """Return the state with the largest certainty: step (7) of Sec. 4.2, its erratum mended."""
-    return max(states, key=lambda state: state.certainty)

@@ -9,21 +9,15 @@ from binopos_ros.optics.rig_projection import project
 from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState
 
 
-def position_jacobians(
-    state: RigState,
-    points: np.ndarray,
-    left_cov: np.ndarray | None = None,
-    right_cov: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
+def position_jacobians(state: RigState, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How a triangulated position follows the pixels and the calibration.
 
-    A position minimises the weighted reprojection error, so a change d of the parameters that
-    moves the computed pixels by B d moves it by -(A^T W A)^-1 A^T W B d (A: pixels by position).
+    A position minimises the reprojection error, so a change d of the parameters that moves the
+    computed pixels by B d moves it by -(A^T A)^-1 A^T B d (A: pixels by position).
 
     Args:
         state: the rig.
         points: (N, 3) positions, rig frame (m).
-        left_cov, right_cov: (N, 2, 2) or (2, 2), px^2; None means 1 px^2.
 
     Returns:
         (N, 3, 4) by left u, v and right u, v (m/px) and (N, 3, P) by the parameters; nan where a
@@ -32,11 +26,7 @@ def position_jacobians(
     seen = [project(state, side, points) for side in (LEFT, RIGHT)]
     by_point = np.concatenate([s.by_point for s in seen], axis=1)
     by_rig = np.concatenate([s.by_rig for s in seen], axis=1)
-    weight = np.zeros((len(points), 4, 4))
-    for i, cov in enumerate((left_cov, right_cov)):
-        block = slice(2 * i, 2 * i + 2)
-        weight[:, block, block] = np.eye(2) if cov is None else np.linalg.inv(cov)
-    projected = np.swapaxes(by_point, 1, 2) @ weight
+    projected = np.swapaxes(by_point, 1, 2)
     normal = projected @ by_point
     good = np.isfinite(normal).all(axis=(1, 2)) & np.isfinite(by_rig).all(axis=(1, 2))
     by_pixels = np.full((len(points), 3, 4), np.nan)

@@ -42,7 +42,6 @@ def calibrate_camera(
     views: Sequence[View],
     side: int,
     size: tuple[int, int],
-    terms: int = BROWN_TERMS,
     square_pixels: bool = False,
     robust: bool = True,
 ) -> CameraFit:
@@ -52,7 +51,6 @@ def calibrate_camera(
         views: of a planar board; those that this camera does not see are passed over.
         side: 0 for the left camera's pixels, 1 for the right's.
         size: image width and height (px).
-        terms: distortion terms, 0, 4, 5 or 8.
         square_pixels: force fx = fy.
         robust: let outlying points count less, and leave out the worst.
 
@@ -69,7 +67,7 @@ def calibrate_camera(
             f'the {SIDES[side]} camera sees the board in {len(own)} usable pictures: at least '
             f'{FEWEST_VIEWS} are needed, 15 to 30 with different tilts are good'
         )
-    camera = guess_camera(own, 0, size, terms)
+    camera = guess_camera(own, 0, size, BROWN_TERMS)
     guesses = [guess_pose(camera, view.points, view.pixels[0]) for view in own]
     own = [view for view, guess in zip(own, guesses, strict=True) if guess is not None]
     poses = [guess for guess in guesses if guess is not None]

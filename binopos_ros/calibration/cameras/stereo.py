@@ -124,18 +124,16 @@ def calibrate_stereo(
     return StereoCalibration(fit, board, tuple(views), tuple(dropped), lenses, held_out, choice)
 
 
-def cross_validate(
-    fit: Adjustment, views: Sequence[View], prior: Prior | None = None, folds: int = FOLDS
-) -> HeldOut:
+def cross_validate(fit: Adjustment, views: Sequence[View], prior: Prior | None = None) -> HeldOut:
     """Judge each view by the rig that the other folds' views give."""
     count = len(views)
     squares = np.full(count, np.nan)
     transfers: list[np.ndarray] = []
     lengths: list[np.ndarray] = []
     none = np.zeros(len(fit.free), bool)
-    for fold in range(min(folds, count)):
-        out = [i for i in range(count) if i % folds == fold]
-        rest = [i for i in range(count) if i % folds != fold]
+    for fold in range(min(FOLDS, count)):
+        out = [i for i in range(count) if i % FOLDS == fold]
+        rest = [i for i in range(count) if i % FOLDS != fold]
         rig = adjust(
             fit.state, [fit.poses[i] for i in rest], [views[i] for i in rest], fit.free, prior
         ).state

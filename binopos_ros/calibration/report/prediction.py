@@ -42,17 +42,15 @@ def predicted_errors(
     state: RigState,
     covariance: np.ndarray,
     points: np.ndarray,
-    sigma: float = TARGET_SIGMA,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(N,) standard deviations of positions' lengths (m), in all and from the calibration alone.
 
     Args:
         state: the rig; covariance: (P, P) of its parameters.
         points: (N, 3) rig frame (m).
-        sigma: standard deviation of a target's pixel coordinates (px).
     """
     by_pixels, by_parameters = position_jacobians(state, points)
-    pixels = sigma**2 * np.sum(by_pixels**2, axis=(1, 2))
+    pixels = TARGET_SIGMA**2 * np.sum(by_pixels**2, axis=(1, 2))
     calibration = np.einsum('nij,jk,nik->n', by_parameters, covariance, by_parameters)
     return np.sqrt(pixels + calibration), np.sqrt(np.maximum(calibration, 0.0))
 
@@ -62,7 +60,6 @@ def error_map(
     covariance: np.ndarray,
     views: Sequence[View],
     poses: Sequence[Pose],
-    sigma: float = TARGET_SIGMA,
 ) -> ErrorMap:
     """Predict over the volume in which the boards were."""
     seen = np.concatenate([pose.apply(v.points) for v, pose in zip(views, poses, strict=True)])
@@ -74,7 +71,7 @@ def error_map(
     points = np.column_stack(
         [grid[..., 0].ravel(), np.full(grid[..., 0].size, seen[:, 1].mean()), grid[..., 1].ravel()]
     )
-    total, calibration = predicted_errors(state, covariance, points, sigma)
+    total, calibration = predicted_errors(state, covariance, points)
     outside = ~_in_both_pictures(state, points)
     total[outside] = np.nan
     calibration[outside] = np.nan

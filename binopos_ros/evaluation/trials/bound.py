@@ -35,10 +35,10 @@ class Bound(NamedTuple):
     smoothed: Array
 
 
-def best_possible(sequence: Sequence, seed: int = 7) -> Bound:
+def best_possible(sequence: Sequence) -> Bound:
     """Return the errors of the estimators that know all there is to know."""
     axes = _axes(sequence)
-    covariances = _wave_covariances(sequence, axes, np.random.default_rng(seed))
+    covariances = _wave_covariances(sequence, axes, np.random.default_rng(7))
     motion = _motion_covariance(sequence)
     used = np.isfinite(sequence.positions[:, 0]) & ~sequence.wrong
     origin = sequence.truth[0]

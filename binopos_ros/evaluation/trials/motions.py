@@ -136,15 +136,13 @@ class Score(NamedTuple):
         return self.pose / self.raw
 
 
-def ports_rig(baseline: float = 0.12) -> StereoRig:
-    """Return two parallel cameras, `baseline` m apart, each behind 10 mm of glass under water."""
+def ports_rig() -> StereoRig:
+    """Return two parallel cameras, 0.12 m apart, each behind 10 mm of glass under water."""
     camera = PinholeCamera(
         [[800.0, 0.0, 640.0], [0.0, 800.0, 480.0], [0.0, 0.0, 1.0]], np.zeros(4), (1280, 960)
     )
     port = FlatInterface([0.0, 0.0, 1.0], 0.035, [1.0, 1.517, 1.335], [0.010])
-    return StereoRig(
-        camera, camera, np.eye(3), [-baseline, 0.0, 0.0], left_port=port, right_port=port
-    )
+    return StereoRig(camera, camera, np.eye(3), [-0.12, 0.0, 0.0], left_port=port, right_port=port)
 
 
 def draw_motion(kind: str, times: Array, place: Array, random: np.random.Generator) -> Array:

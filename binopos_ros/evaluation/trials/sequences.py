@@ -69,13 +69,14 @@ class Sequence:
         return self.path.position
 
 
-def paper_sequence(seed: int, frames: int = 100) -> Sequence:
+def paper_sequence(seed: int) -> Sequence:
     """Return an experiment of the paper's Sec. 5.4: a still target under waves, 100 frames.
 
     The washbowl: surface at 0.8 m, the target 0.49 m under it, pixel noise of 0.05 px; the waves'
     height and peak differ from one experiment to the next.
     """
     random = np.random.default_rng(seed)
+    frames = 100
     stamps = np.arange(frames) / FRAME_RATE
     spectrum = _draw_spectrum(random, 2e-4, 8e-4)
     target = np.array([0.115, 0.0, 1.29]) + random.uniform(-1, 1, 3) * [0.15, 0.1, 0.0]

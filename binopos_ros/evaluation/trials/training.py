@@ -49,9 +49,9 @@ def examples(trials: Series[Sequence], **options: float) -> tuple[Array, Array]:
     return np.concatenate(inputs), np.concatenate(wished)
 
 
-def train(inputs: Array, wished: Array, seed: int = 1) -> Network:
+def train(inputs: Array, wished: Array) -> Network:
     """Return the network fitted to the examples, by Adam (Kingma & Ba, ICLR 2015)."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(1)
     wished = np.clip(wished, -_LARGEST_TARGET, _LARGEST_TARGET)
     values = [
         random.normal(0.0, 0.4, (INNOVATIONS + 1, _HIDDEN)),
