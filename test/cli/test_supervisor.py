@@ -219,7 +219,7 @@ def test_nodes_do_without_shared_memory_where_it_is_full_and_say_so(
     ).returncode:
         pytest.skip('needs root: /dev/shm cannot be replaced')
     path = tmp_path / 'stderr'
-    node = f'exec {sys.executable} -P {STARTER} smoother'
+    node = f'exec {sys.executable} {STARTER} smoother'
     with path.open('w') as errors:
         process = subprocess.Popen(
             ['unshare', '-m', 'sh', '-c', f'{small} && {node}'], stderr=errors
