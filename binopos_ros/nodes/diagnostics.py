@@ -27,8 +27,9 @@ class StageDiagnostics:
     """Counts of one stage, published on /diagnostics once per second of the machine's own time.
 
     The level is ERROR while one of `errors`, standing problems by what they are about, is set;
-    WARN while another node gets in the way; STALE while nothing comes in; WARN in a second in
-    which something was dropped or lost on its way here, or nothing goes out of what comes in; and
+    WARN while another node gets in the way or a sender's clock differs; STALE while nothing comes
+    in; WARN in a second in which something was dropped or lost on its way here, or nothing goes
+    out of what comes in; and
     OK while data flows. What is dropped may be told from any thread.
     """
 
@@ -64,6 +65,8 @@ class StageDiagnostics:
         self._neighbours = Neighbours(node, DIAGNOSTICS)
         self._seen: dict[str, str] = {}
         self._intruders: dict[str, str] = {}
+        self._odd_clocks: dict[str, str] = {}
+        self._clocks: dict[str, str] = {}
         self._remember()
 
     def drop(self, reason: str, count: int = 1) -> None:
@@ -83,6 +86,7 @@ class StageDiagnostics:
         """Publish the counts as they stand."""
         previous = self._past[-1]
         self._remember()
+        self._look_at_clocks()
         oldest, now = self._past[0], self._past[-1]
         seconds = max(now.time - oldest.time, 1e-9)
         with self._lock:
@@ -121,6 +125,8 @@ class StageDiagnostics:
             return DiagnosticStatus.ERROR, errors
         if self._intruders:
             return DiagnosticStatus.WARN, '; '.join(self._intruders.values())
+        if self._clocks:
+            return DiagnosticStatus.WARN, '; '.join(self._clocks.values())
         if now.received == previous.received:
             return DiagnosticStatus.STALE, 'no input'
         if now.lost > previous.lost:
@@ -142,6 +148,14 @@ class StageDiagnostics:
             self._node.get_logger().warning(told)
         if news:
             self.publish()
+
+    def _look_at_clocks(self) -> None:
+        # In two seconds running, as a node that was held up takes all in at once.
+        troubles = self._node.clock_troubles()
+        standing = {topic: told for topic, told in troubles.items() if topic in self._odd_clocks}
+        for topic in standing.keys() - self._clocks.keys():
+            self._node.get_logger().warning(standing[topic])
+        self._odd_clocks, self._clocks = troubles, standing
 
     def _remember(self) -> None:
         self._past.append(

@@ -1,4 +1,4 @@
-"""Messages that were sent and never came, by the numbers that the middleware gives them.
+"""Messages that were sent and never came, and clocks that differ, by what the middleware says.
 
 The event `message_lost` tells only of what the transport knows to be gone: what a subscription's
 own full queue pushes out is not told. The numbers show both.
@@ -7,12 +7,16 @@ own full queue pushes out is not told. The numbers show both.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.event_handler import QoSMessageLostInfo, SubscriptionEventCallbacks
 
 NUMBER = 'publication_sequence_number'
+SENT, CAME = 'source_timestamp', 'received_timestamp'
+#: Seconds by the clocks of both ends that no message takes: less than none, and far too many.
+EARLY, LATE = -0.1, 1.0
 #: Publishers of one topic that are followed at a time: one, and one that took its place.
 MOST_PUBLISHERS = 4
 
@@ -40,7 +44,7 @@ class Gaps:
 
 
 class Counted:
-    """A subscription's callback that counts what was lost before each message.
+    """A subscription's callback that counts what was lost, and looks at the clocks of who sends.
 
     Args:
         take: gets each message.
@@ -60,12 +64,30 @@ class Counted:
         self._lose = lose
         self._gaps = Gaps()
         self._numbered = False
+        self._least = math.inf
 
     def __call__(self, *arguments: Any) -> None:
         """Take a message; the EventsExecutor of rclpy 7.1 gives it and its info as one tuple."""
         message, info = arguments if len(arguments) > 1 else arguments[0]
         self._count(info)
+        sent, came = info.get(SENT), info.get(CAME)
+        if sent and came:
+            self._least = min(self._least, (came - sent) * 1e-9)
         self._take(message)
+
+    def clock_trouble(self) -> str:
+        """What is wrong with the clock of who sends, by all that came since the last call, or ''.
+
+        The message that took least tells: others may have been held up on their way.
+        """
+        least, self._least = self._least, math.inf
+        if EARLY <= least <= LATE or math.isinf(least):
+            return ''
+        if least < 0:
+            way = f'that is {-least:.1f} s ahead of'
+        else:
+            way = f'that is {least:.1f} s behind'
+        return f"comes by a clock {way} this machine's: let chrony or PTP set both"
 
     def events(self) -> SubscriptionEventCallbacks:
         """The events of the subscription: they count where the middleware numbers nothing."""

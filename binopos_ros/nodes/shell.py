@@ -84,6 +84,7 @@ class StageNode(Node):
         self.sole_topics: set[str] = set()
         #: Messages that were sent to this node and never came, by topic.
         self.lost: Counter[str] = Counter()
+        self._counted_topics: dict[str, Counted] = {}
         self.add_pre_set_parameters_callback(self._with_kinds)
         self.add_on_set_parameters_callback(self._judge_change)
         self.add_post_set_parameters_callback(self._apply_change)
@@ -146,6 +147,7 @@ class StageNode(Node):
             self.sole_topics.add(self.resolve_topic_name(topic))
             counted = Counted(callback, partial(self._lose, topic))
             callback = counted
+            self._counted_topics[topic] = counted
             options.setdefault('event_callbacks', counted.events())
         return self._overridable(
             topic,
@@ -156,6 +158,11 @@ class StageNode(Node):
             profile or sensor_data(),
             **options,
         )
+
+    def clock_troubles(self) -> dict[str, str]:
+        """What is wrong with the clocks of those who send, by topic, since the last call."""
+        found = {topic: counted.clock_trouble() for topic, counted in self._counted_topics.items()}
+        return {topic: f'{topic} {trouble}' for topic, trouble in found.items() if trouble}
 
     def _lose(self, topic: str, count: int) -> None:
         self.lost[topic] += count
