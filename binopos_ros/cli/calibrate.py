@@ -33,12 +33,14 @@ from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.calibrate_arguments import add_arguments
 from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
 from binopos_ros.cli.config import parameters_of
+from binopos_ros.cli.fixed_target import fixed_target_text
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.stereo_topics import choice_of
 from binopos_ros.nodes.ros import require_ros
 from binopos_ros.optics import stereo_from_camera_infos
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.parameters import build
+from binopos_ros.pipeline import make_platform
 from binopos_ros.sides import SIDES
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.options import TriangulatorOptions
@@ -155,9 +157,16 @@ def _check(arguments: argparse.Namespace) -> int:
         rig,
         np.array([pair.left.centre for pair in targets]),
         np.array([pair.right.centre for pair in targets]),
+        np.array([pair.left.covariance for pair in targets]),
+        np.array([pair.right.covariance for pair in targets]),
     )
     result = check(rig, found.points, found.residuals, covariance)
     print(result.text)
+    platform = make_platform(parameters.of_node('smoother'))
+    if platform.active:
+        choice, stamps = choice_of(arguments), [pair.stamp for pair in targets]
+        positions = stamps, found.points, found.covariances
+        print(fixed_target_text(arguments.bag, choice, platform, *positions))
     return 0 if result.holds else NOT_HOLDING
 
 

@@ -99,6 +99,15 @@ def camera_infos_of(bag: Path, choice: TopicChoice | None = None) -> tuple[Camer
     return left, right
 
 
+def pictured_or_located(reader: BagReader, choice: TopicChoice | None) -> RigTopics:
+    """The rig's topics in a bag that holds pictures, or nothing but centroids.
+
+    Raises:
+        BagError: there is neither.
+    """
+    return _without_images(reader, choice) or RigTopics.find(reader, choice, calibrated=True)
+
+
 def _without_images(reader: BagReader, choice: TopicChoice | None) -> RigTopics | None:
     """The calibrations of a bag that holds no images, but centroids; None where it holds some."""
     kinds = {info.type for info in reader.topics.values() if info.count}

@@ -98,7 +98,7 @@ class History:
         """The samples about a stamp (ns), or why there are none that can be used."""
         stamps = self.stamps
         if not stamps:
-            return Missing(f'no {self._name} has come', may_come=True)
+            return Missing(f'{self._name} has not come yet', may_come=True)
         after = bisect_right(stamps, stamp)
         if after and stamps[after - 1] == stamp:
             return Bracket(after - 1, after - 1, 0.0)

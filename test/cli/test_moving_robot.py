@@ -193,6 +193,18 @@ def test_a_bag_without_the_robot_s_motion_says_what_to_record(bag, tmp_path):
     assert '/stereo/platform/odometry is missing or empty' in done.stderr
 
 
+@pytest.mark.parametrize('source', ['odometry', 'tf'])
+def test_calibrate_check_tells_whether_a_target_at_rest_stays_where_it_is(bag, source):
+    value = f'smoother:platform.source:={source}'
+    done = binopos('calibrate', 'check', bag, '--ros-args', '-p', value)
+    assert done.returncode == 0, done.stderr
+    assert 'mounting and odometry fit the calibration' in done.stdout
+    # Given in the camera's axes instead of the robot's.
+    mounting = 'smoother:platform.mounting:=[0.2, 0.06, -0.05, 0.0, 0.0, 0.0, 1.0]'
+    done = binopos('calibrate', 'check', bag, '--ros-args', '-p', mounting)
+    assert 'more than stated' in done.stdout
+
+
 def live(
     bag: Path, folder: Path, *values: str, nodes: str = 'smoother'
 ) -> tuple[dict[int, np.ndarray], str]:

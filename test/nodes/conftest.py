@@ -26,6 +26,7 @@ RELIABLE = [
         for name in ('image_raw', 'image_raw/compressed', 'camera_info', 'centroid')
     ),
     '/stereo/target/position',
+    '/stereo/platform/odometry',
 ]
 
 

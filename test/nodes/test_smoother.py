@@ -6,14 +6,14 @@ import time
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
-from binopos_ros.nodes.messages import pose_message
+from binopos_ros.nodes.messages import header, pose_message
 
 pytestmark = pytest.mark.live
 
@@ -119,3 +119,80 @@ def test_reset_forgets_the_target(start, peer):
     positions.publish(position(10 * PERIOD, 5.0))
     peer.wait_for(lambda: len(poses) == 11, 'the pose after the reset')
     assert abs(position_of(poses[-1])[0] - 5.0) < 1e-6
+
+
+def robot(stamp: int, y: float) -> Odometry:
+    message = Odometry(header=header(stamp, 'odom'), child_frame_id='base_link')
+    message.pose.pose.position.y = y
+    message.pose.covariance = np.diag([1e-8] * 6).ravel()
+    return message
+
+
+FIXED = {
+    'fixed_frame': 'odom',
+    'platform.source': 'odometry',
+    'platform.mounting': [0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0],
+}
+
+
+def test_in_a_fixed_frame_positions_wait_for_the_robot_and_a_target_at_rest_stands_still(
+    start, peer
+):
+    start('smoother', parameters={'smoother': {**FIXED, 'platform.timeout': 10.0}})
+    positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
+    odometry = peer.publisher(Odometry, 'platform/odometry')
+    poses = peer.listen(PoseWithCovarianceStamped, 'target/pose')
+    plain = peer.listen(PoseStamped, 'target/pose_stamped')
+    peer.connect(positions, odometry, inputs=('target/pose', 'target/pose_stamped'))
+    for k in range(20):
+        # The robot moves aside by a centimetre a frame, and the target in its pictures back.
+        odometry.publish(robot(k * PERIOD, 0.01 * k))
+        moved = 0.01 * (k - 0.5)
+        positions.publish(
+            pose_message(k * PERIOD - PERIOD // 2, 'left', (0.2, 0.1 - moved, 1.2), COVARIANCE)
+        )
+        # The first lies before all that is known of the robot.
+        peer.wait_for(lambda k=k: len(poses) == len(plain) == k, f'pose {k}')
+    for message in poses:
+        assert message.header.frame_id == 'odom'
+        np.testing.assert_allclose(position_of(message), [0.2, 0.1, 1.7], atol=1e-6)
+    np.testing.assert_array_equal(position_of(plain[-1]), position_of(poses[-1]))
+
+
+def test_what_gets_no_pose_of_the_robot_is_dropped_with_its_reason(start, peer):
+    start('smoother', parameters={'smoother': FIXED})
+    positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
+    odometry = peer.publisher(Odometry, 'platform/odometry')
+    diagnostics = peer.listen(DiagnosticArray, '/diagnostics')
+    peer.connect(positions, odometry, inputs=('target/pose',))
+    stranger = robot(0, 0.0)
+    stranger.header.frame_id = 'map'
+    odometry.publish(stranger)
+    positions.publish(position(0, 0.0))
+
+    def values() -> dict[str, str]:
+        return {v.key: v.value for a in diagnostics for s in a.status for v in s.values}
+
+    peer.wait_for(lambda: 'Dropped: the odometry has not come yet' in values(), 'the drop')
+    assert values()["Refused: the odometry is in the frame 'map', not in 'odom'"] == '1'
+
+
+def test_the_target_s_health_goes_from_starting_to_tracking_to_lost(start, peer):
+    start('smoother', parameters={'smoother': {'health.max_std': 0.01}})
+    positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
+    told = peer.listen(DiagnosticStatus, 'target/health')
+    peer.connect(positions, inputs=('target/health',))
+    peer.wait_for(lambda: bool(told), 'the first word')
+    assert told[-1].message == 'starting'
+    positions.publish(position(0, 0.0))
+    peer.wait_for(lambda: any(each.message == 'tracking' for each in told), 'tracking')
+    peer.wait_for(lambda: told[-1].message == 'lost', 'its loss')
+    words = [each.message for each in told]
+    assert words.index('tracking') < words.index('lost')
+    assert told[-1].level == DiagnosticStatus.ERROR
+    values = {each.key: each.value for each in told[-1].values}
+    assert float(values['Age of the last position (s)']) > 0.5
+    assert 'no position was used' in values['Reason']
+    # One that is known worse than the limit.
+    positions.publish(pose_message(50 * PERIOD, 'left_camera', (0, 0, 1), 1e4 * COVARIANCE))
+    peer.wait_for(lambda: any(each.message == 'degraded' for each in told), 'degraded')
