@@ -1,6 +1,6 @@
 """Draw docs/figures/robot.png: what accuracy to expect from a hovering robot.
 
-Run as `python docs/figures/robot.py`; a minute. A target at rest, 0.1 px of noise, ten seconds at
+Run as `python docs/figures/robot.py`; a minute or two. A target at rest, 0.1 px of noise, ten seconds at
 30 Hz: its positions in the fixed frame and its pose, by range, for three odometries.
 """
 
@@ -32,7 +32,7 @@ SEEDS = range(3)
 
 def main() -> None:
     """Draw the panel."""
-    figure, axes = plt.subplots(figsize=(6.5, 4), constrained_layout=True)
+    figure, axes = plt.subplots(figsize=(9, 4), constrained_layout=True)
     for number, (name, odometer) in enumerate(ODOMETERS.items()):
         runs = [[hovering(each, 0.1, odometer, seed) for seed in SEEDS] for each in RANGES]
         for kind, style in (('raw', ':'), ('pose', '-')):
@@ -43,7 +43,12 @@ def main() -> None:
             axes.plot(RANGES, errors, f'C{number}{style}', label=label)
     axes.set(xlabel='range (m)', ylabel='RMS in the fixed frame (mm)', yscale='log')
     axes.grid(visible=True, which='both', alpha=0.3)
-    axes.legend(title='odometry, from sample to sample', fontsize='small')
+    axes.legend(
+        title='odometry, from sample to sample',
+        fontsize='small',
+        loc='center left',
+        bbox_to_anchor=(1.02, 0.5),
+    )
     figure.savefig(Path(__file__).with_suffix('.png'), dpi=110)
 
 
