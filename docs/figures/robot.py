@@ -1,7 +1,7 @@
 """Draw docs/figures/robot.png: what accuracy to expect from a hovering robot.
 
-Run as `python docs/figures/robot.py`; a minute or two. A target at rest, 0.1 px of noise, ten seconds at
-30 Hz: its positions in the fixed frame and its pose, by range, for three odometries.
+Run as `python docs/figures/robot.py`; a minute or two. A target at rest, 0.1 px of noise, ten
+seconds at 30 Hz: its positions in the fixed frame and its pose, by range, for three odometries.
 """
 
 from __future__ import annotations
