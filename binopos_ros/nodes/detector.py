@@ -68,6 +68,7 @@ class DetectorNode(StageNode):
         }
         self._log_decoder()
         self._enabled = True
+        self._left_alone = 0
         self.create_service(SetBool, '~/enable', self._on_enable)
         offer_triggers(
             self, {'start': partial(self._enable, True), 'stop': partial(self._enable, False)}
@@ -129,6 +130,7 @@ class DetectorNode(StageNode):
 
     def _on_picture(self, side: str, message: CompressedImage | Image) -> None:
         if not self._enabled:
+            self._left_alone += 1
             return
         self._diagnostics.received[f'{side}/image_raw'] += 1
         self._count(self._arrivals.add(side, stamp_of(message), message))
@@ -202,7 +204,9 @@ class DetectorNode(StageNode):
         self._overlays[side].publish(message)
 
     def _details(self) -> dict[str, object]:
-        details: dict[str, object] = {} if self._enabled else {'Enabled': False}
+        details: dict[str, object] = {'Enabled': self._enabled}
+        if self._left_alone:
+            details['Pictures left alone'] = self._left_alone
         for side, pictures in self._pictures.items():
             details[f'{side}: pictures'] = pictures.form
         for side, count in sorted(self._arrivals.unpaired.copy().items()):

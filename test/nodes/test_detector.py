@@ -8,6 +8,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_srvs.srv import SetBool, Trigger
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.nodes.messages import header
@@ -180,3 +181,42 @@ def test_the_overlay_is_made_only_for_those_who_look(start, peer):
     # The outline is drawn in green, which the picture itself does not hold.
     green = (picture[..., 1].astype(int) - picture[..., 2] > 60) & (picture[..., 1] > 150)
     assert green.sum() > 30
+
+
+def test_it_can_be_switched_off_and_on_and_leaves_pictures_alone_meanwhile(start, peer):
+    start('detector')
+    jpegs = peer.publisher(CompressedImage, 'left/image_raw/compressed')
+    centroids = peer.listen(PoseWithCovarianceStamped, 'left/centroid')
+    reports = peer.listen(DiagnosticArray, '/diagnostics')
+    peer.connect(jpegs, inputs=('left/centroid',))
+    enable = peer.node.create_client(SetBool, 'detector/enable')
+    others = {
+        name: peer.node.create_client(Trigger, f'detector/{name}') for name in ('start', 'stop')
+    }
+    for client in (enable, *others.values()):
+        peer.wait_for(client.service_is_ready, 'a service')
+
+    def call(client, request) -> None:
+        answer = client.call_async(request)
+        peer.wait_for(answer.done, 'an answer')
+        assert answer.result().success
+
+    def left_alone() -> int:
+        values = {item.key: item.value for item in reports[-1].status[0].values} if reports else {}
+        return int(values.get('Pictures left alone', 0))
+
+    for stamp, off, on in (
+        (1, (enable, SetBool.Request(data=False)), (enable, SetBool.Request(data=True))),
+        (11, (others['stop'], Trigger.Request()), (others['start'], Trigger.Request())),
+    ):
+        seen = len(centroids)
+        jpegs.publish(jpeg_message(stamp))
+        peer.wait_for(lambda seen=seen: len(centroids) == seen + 1, 'a centroid')
+        call(*off)
+        before = left_alone()
+        jpegs.publish(jpeg_message(stamp + 1))
+        peer.wait_for(lambda before=before: left_alone() == before + 1, 'the picture left alone')
+        call(*on)
+    jpegs.publish(jpeg_message(21))
+    peer.wait_for(lambda: len(centroids) == 3, 'a centroid')
+    assert [stamp_of(each) for each in centroids] == [1, 11, 21]
