@@ -211,6 +211,9 @@ class _Search:
             raise BagError(self._several(keys))
         self._refuse_half_a_rig(pairs)
         untold = 'no two image topics differ in a word for the side alone; ' if self.images else ''
+        space = self.given_namespace
+        if space and not any(name.startswith(f'{space}/') for name in self.images):
+            untold = f'--namespace {space}: no image topic lies below it; '
         message = f'{self.path}: {untold}{self._listing()}'
         raise BagError(message)
 

@@ -135,6 +135,9 @@ def test_one_of_two_rigs_is_chosen(demo_bag: Path, tmp_path: Path) -> None:
 
     copy = rewritten(demo_bag, tmp_path / 'bag', double)
     refused(process(copy), 'more than one rig: /auv7/front, /stereo', '--namespace /auv7/front')
+    refused(
+        process(copy, '--namespace', '/auv8'), '--namespace /auv8: no image topic lies below it'
+    )
     assert used(process(copy, '--namespace', 'auv7/front')) == PAIRS
     with BagReader(tmp_path / 'out.mcap') as reader:
         assert reader.topics['/auv7/front/target/pose'].count == PAIRS
