@@ -7,6 +7,9 @@ from pathlib import Path
 
 #: Seconds without a beat after which a node is looked at; it beats five times a second.
 SILENCE = 1.2
+#: Seconds of processor time without a beat after which a node runs in circles: a slow machine may
+#: work for seconds on a new calibration.
+CIRCLING = 5.0
 #: Looks, and seconds from the first to the last of them, at which a silent node only waits.
 LOOKS, LOOKING = 3, 0.4
 TICKS = os.sysconf('SC_CLK_TCK')
@@ -16,7 +19,7 @@ class Pulse:
     """The beats of one process.
 
     A machine that is busy elsewhere keeps a node from beating too. So a silent node counts as hung
-    only where it is stopped or waits though it could run, or has used the processor for as long.
+    only where it is stopped or waits though it could run, or has used the processor for long.
 
     Args:
         descriptor: the pipe's end to read from, which does not block; it is closed with `close`.
@@ -52,7 +55,7 @@ class Pulse:
             return ''
         if states & {'R', 'D'}:
             used = self._processor_time() - self._used
-            return f'{silent}, and was busy for {used:.1f} s of it' if used > SILENCE else ''
+            return f'{silent}, and was busy for {used:.1f} s of it' if used > CIRCLING else ''
         self._idle.append(now)
         if len(self._idle) < LOOKS or now - self._idle[0] < LOOKING:
             return ''

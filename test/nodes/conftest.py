@@ -61,9 +61,10 @@ class NodeProcess:
         return self.wait()
 
     def wait(self, seconds: float = PATIENCE) -> tuple[int, str]:
-        """Wait for the process; exit status and stderr."""
+        """Wait for the process; exit status and stderr, without what it merely logs."""
         _, errors = self.process.communicate(timeout=seconds)
-        return self.process.returncode, errors
+        lines = errors.splitlines(keepends=True)
+        return self.process.returncode, ''.join(x for x in lines if not x.startswith('[INFO]'))
 
 
 class Peer:
