@@ -67,7 +67,8 @@ class Fates:
 
     def __post_init__(self) -> None:
         self._matcher: PairMatcher[int] = PairMatcher(self.tolerance)
-        self._reasons: dict[int, tuple[int, str]] = {}
+        self._reasons: dict[int, list[tuple[int, str]]] = {}
+        self._told = 0
 
     @classmethod
     def within(cls, seconds: float | None) -> Fates:
@@ -83,8 +84,9 @@ class Fates:
         self._sort(self._matcher.flush())
 
     def drop(self, stamp: int, reason: str) -> None:
-        """Take in why something of that stamp was dropped; the first reason counts."""
-        self._reasons.setdefault(stamp, (len(self._reasons), reason))
+        """Take in why something of that stamp was dropped; of a pair the first reason counts."""
+        self._told += 1
+        self._reasons.setdefault(stamp, []).append((self._told, reason))
 
     def lost(self, poses: Collection[int]) -> Counter[str]:
         """Why pairs gave no pose: each counts for one reason, and is left out where it gave one.
@@ -96,9 +98,19 @@ class Fates:
         given = set(poses)
         for left, right in self.pairs:
             if left not in given:
-                told = [self._reasons[each] for each in (left, right) if each in self._reasons]
+                told = self._reasons.get(left, []) + self._reasons.get(right, [])
                 count_reason(lost, min(told)[1] if told else LATE)
         return lost
+
+    def alone(self) -> Counter[str]:
+        """Why something was dropped that is of no pair."""
+        paired = {stamp for pair in self.pairs for stamp in pair}
+        counts: Counter[str] = Counter()
+        for stamp, told in self._reasons.items():
+            if stamp not in paired:
+                for _, reason in told:
+                    count_reason(counts, reason)
+        return counts
 
     def _sort(self, events: Iterable[Pair[int] | Unpaired[int]]) -> None:
         for event in events:
@@ -150,6 +162,7 @@ class Report:
         """Count the pairs that gave no pose, once nothing more is added."""
         self.fates.end()
         self.drops += self.fates.lost(self.filtered.stamps)
+        self.others += self.fates.alone()
 
     def note(self, line: str) -> None:
         """Say something of the bag, with its count where it is said again."""
