@@ -135,7 +135,7 @@ def test_pairs_seen_are_poses_and_reasons_whatever_holds_the_nodes_up(bag, ros_d
     report, errors = running.communicate(timeout=90)
     assert running.returncode == 0, errors
     assert figure(report, 'pairs seen') == str(PAIRS)
-    # Overtaken; or lost with a node that a busy machine let stand for so long that it was replaced.
+    # Overtaken, or lost with a node that stood for so long that it was replaced.
     assert check_sum(report)
 
 
