@@ -14,6 +14,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,9 @@ Project = Callable[[Array], Sequence[Array]]
 """Projects points (N, 3) m to pixels (N, 2) in each camera, as `StereoRig.project` does."""
 
 RIM_POINTS = 32
+
+CURVE_POINTS = 8
+"""Points of a rim whose image is taken for a sum of waves: none of a quadratic map is left out."""
 
 
 def to_disc_centres(
@@ -52,13 +56,13 @@ def outline_offsets(
 ) -> list[Array]:
     """Give, for each camera, the outline's centre less the image of the disc's centre, (2,) px."""
     position = np.asarray(position, float)
-    rim = position + diameter * unit_rim(tuple(np.asarray(normal, float).tolist()))
+    rim = position + diameter * unit_circle(tuple(np.asarray(normal, float).tolist()))
     offsets = []
     for image in project(np.concatenate([rim, position[None]])):
         if not math.isfinite(image.sum()):
             msg = f'the disc at {np.round(position, 3).tolist()} m is not seen whole'
             raise OpticsError(msg)
-        offsets.append(centroid(image[:-1]) - image[-1])
+        offsets.append(centroid_within(image[:-1] - image[-1]))
     return offsets
 
 
@@ -75,17 +79,55 @@ def unit_vector(vector: Array) -> Array:
 @functools.lru_cache(maxsize=64)
 def unit_rim(normal: tuple[float, ...]) -> Array:
     """A polygon of the area of a disc of diameter 1 about the origin, (N + 1, 3) and closed."""
+    step = 2 * math.pi / RIM_POINTS
+    angle, radius = np.arange(RIM_POINTS + 1) * step, math.sqrt(step / math.sin(step)) / 2
+    rim: Array = radius * _around(normal, angle)
+    rim.flags.writeable = False
+    return rim
+
+
+@functools.lru_cache(maxsize=64)
+def unit_circle(normal: tuple[float, ...]) -> Array:
+    """CURVE_POINTS equal steps along the rim of a disc of diameter 1 about the origin, (N, 3)."""
+    circle: Array = _around(normal, np.arange(CURVE_POINTS) * (2 * math.pi / CURVE_POINTS)) / 2
+    circle.flags.writeable = False
+    return circle
+
+
+def _around(normal: tuple[float, ...], angles: NDArray[np.floating[Any]]) -> Array:
+    """Unit vectors across a normal, (N, 3), at angles about it."""
     x, y, z = unit_vector(np.array(normal)).tolist()
     # Two directions across the normal, none of them short wherever it points (Duff et al. 2017).
     sign = math.copysign(1.0, z)
     a = -1 / (sign + z)
     b = x * y * a
     first, second = (1 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
-    step = 2 * math.pi / RIM_POINTS
-    angle, radius = np.arange(RIM_POINTS + 1) * step, math.sqrt(step / math.sin(step)) / 2
-    rim: Array = radius * (np.outer(np.cos(angle), first) + np.outer(np.sin(angle), second))
-    rim.flags.writeable = False
-    return rim
+    around: Array = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second)
+    return around
+
+
+def _differentiation(count: int) -> Array:
+    """Matrix (N, N) that differentiates a sum of waves by its values at equal steps (N even).
+
+    Trefethen, Spectral Methods in MATLAB (2000), Eq. 3.10.
+    """
+    steps = np.arange(count)[:, None] - np.arange(count)
+    with np.errstate(divide='ignore'):
+        entries = 0.5 * (-1.0) ** steps / np.tan(math.pi * steps / count)
+    return np.where(steps == 0, 0.0, entries)
+
+
+_BY_STEP = _differentiation(CURVE_POINTS)
+
+
+def centroid_within(curve: Array) -> Array:
+    """Centroid (2,) of the area within a smooth closed curve, by CURVE_POINTS of it (N, 2).
+
+    The curve is taken for a sum of waves, of which Green's integrals are sums over the points.
+    """
+    (x, y), (dx, dy) = curve.T, (_BY_STEP @ curve).T
+    twice_area = x @ dy - y @ dx
+    return np.array([(x * x) @ dy, -(y * y) @ dx]) / twice_area
 
 
 def _crosses(outline: Array) -> tuple[Array, Array, Array, Array, Array]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from binopos_ros.optics.arithmetic import ARRAYS
+from binopos_ros.optics.arithmetic import ARRAYS, FLOATS, NoRayError
 from binopos_ros.optics.batches import in_blocks
 from binopos_ros.optics.camera import PinholeCamera, components
 from binopos_ros.optics.errors import OpticsError
@@ -15,6 +15,9 @@ from binopos_ros.optics.interface import FlatInterface
 from binopos_ros.optics.view import View
 
 FloatArray = NDArray[np.float64]
+
+FEW = 16
+"""So many points are projected faster one by one, on floats, than together in arrays."""
 
 
 class Jacobians(NamedTuple):
@@ -112,6 +115,14 @@ class StereoRig:
         """
         points = components(points, 3, 'points')
         rows = points.reshape(-1, 3)
+        pixels = self._projected_singly(rows) if len(rows) <= FEW else None
+        if pixels is None:
+            pixels = self._projected(rows)
+        pixels[np.isnan(pixels).any(axis=2)] = np.nan
+        left, right = pixels.reshape(2, *points.shape[:-1], 2)
+        return left, right
+
+    def _projected(self, rows: FloatArray) -> FloatArray:
         pixels = np.empty((2, len(rows), 2))
 
         def work(block: slice) -> None:
@@ -121,9 +132,22 @@ class StereoRig:
                     out[block, 0], out[block, 1] = view.pixel(point, ARRAYS)
 
         in_blocks(work, len(rows))
-        pixels[np.isnan(pixels).any(axis=2)] = np.nan
-        left, right = pixels.reshape(2, *points.shape[:-1], 2)
-        return left, right
+        return pixels
+
+    def _projected_singly(self, rows: FloatArray) -> FloatArray | None:
+        """The same digits on floats; None where arithmetic ends, which arrays carry on as inf."""
+        if not np.isfinite(rows).all():
+            return None
+        pixels = np.full((2, len(rows), 2), np.nan)
+        for out, view in zip(pixels, self.views, strict=True):
+            for k, point in enumerate(rows.tolist()):
+                try:
+                    out[k] = view.pixel(point, FLOATS)
+                except NoRayError:
+                    continue
+                except (ArithmeticError, ValueError):
+                    return None
+        return pixels
 
     def explain(self, points: ArrayLike) -> NDArray[np.object_]:
         """Return, for each point, why `project` gives nan; '' where both cameras see it.
