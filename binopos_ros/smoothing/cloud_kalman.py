@@ -47,6 +47,13 @@ class CloudKalmanOptions(Options):
         'm/s^2',
         (1e-3, 1e6),
     )
+    max_turning: float = option(
+        10.0,
+        "angular acceleration of the rig, times the target's distance added to max_acceleration; "
+        '0 in a frame that does not turn with the rig',
+        'rad/s^2',
+        (0.0, 1e3),
+    )
     wrong_share: float = option(
         0.02, 'share of the positions that may be those of another thing', '', (1e-9, 0.5)
     )
@@ -97,13 +104,14 @@ class CloudKalmanFilter(Filter[_Memory]):
         memory = _turned(memory, covariance[..., 0, :, :])
         measured = (memory.axes @ position[..., None])[..., 0]
         noise, medium = _variances(memory.axes, covariance)
-        options = self.options
+        distance = np.sqrt((position * position).sum(axis=-1))
+        acceleration = self.options.max_acceleration + self.options.max_turning * distance
         free = ladder.correct(
             memory.free,
             measured,
             _sum(noise, medium),
-            options.wrong_share,
-            options.max_acceleration,
+            self.options.wrong_share,
+            acceleration,
         )
         if medium is None:
             calm = np.zeros_like(free.certainty)
@@ -114,7 +122,9 @@ class CloudKalmanFilter(Filter[_Memory]):
         wavy = waves.correct(memory.waves, measured, noise, medium)
         rough = _roughness(noise, medium) * waves.believable(wavy.waves, noise, medium)
         certainty = free.certainty + rough * (wavy.certainty - free.certainty)
-        return _Memory(memory.axes, free.ladder, wavy.waves, rough, certainty)
+        return memory._replace(
+            free=free.ladder, waves=wavy.waves, rough=rough, certainty=certainty
+        )
 
     def _place(self, memory: _Memory) -> Array:
         if memory.waves is not None:

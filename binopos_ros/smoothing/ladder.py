@@ -40,7 +40,7 @@ REST = 0
 #: Frames for which a target stays on a rung in the mean: longer where it is steady, as the lower
 #: rungs are told from each other the later.
 _DWELLS = np.where(INDICES < 0.1, 100.0, 20.0)
-_DWELLS[REST], _DWELLS[REST + 1] = 40.0, 200.0
+_DWELLS[REST], _DWELLS[REST + 1] = 20.0, 200.0
 #: A rung further is that much rarer.
 _FARTHER = 0.5
 #: Deviation of the velocity at first on a rung, in those that it gains in a frame.
@@ -58,8 +58,8 @@ _LEAST_WEIGHT = 1e-12
 #: What is near enough to a prediction to be taken without a question, in deviations.
 _NEAR = 4.0
 #: Wrong positions may lie anywhere from a deviation to ten thousand from the target, in each
-#: decade alike.
-_LOG_DENSITY = -math.log(2.0 * math.log(1e4))
+#: decade and direction alike.
+_LOG_DENSITY = -math.log(4.0 * math.pi * math.log(1e4))
 _LOG_TWO_PI = math.log(2.0 * math.pi)
 
 # Components: position, velocity; variance of the position, covariance, variance of the velocity.
@@ -190,37 +190,45 @@ class Reading(NamedTuple):
 
 
 def correct(
-    ladder: Ladder, position: Array, variance: Array, wrong_share: float, acceleration: float
+    ladder: Ladder, position: Array, variance: Array, wrong_share: float, acceleration: Array
 ) -> Reading:
     """Return the bank after a position (..., 3) of that variance (..., 3) along the axes.
 
-    A position further from the prediction than `acceleration` (m/s^2) could take the target is
-    weighed against one that is not the target's, of which there is a share of `wrong_share`.
+    A position further from the prediction than `acceleration` (...), m/s^2, could take the target
+    is weighed against one that is not the target's, of which there is a share of `wrong_share`.
     """
     before, own = ladder.states, variance[..., None, :]
     a, b = before[..., PP], before[..., PV]
     expected = a + own
     apart = position[..., None, :] - before[..., P]
-    exponent = -0.5 * (apart * apart / expected + np.log(expected))
+    # The density of positions by their narrowest explanation says how near is near.
+    narrow = 1.0 / np.sqrt((ladder.weights / expected).sum(axis=-2))
+    distance = np.abs((ladder.weights * apart).sum(axis=-2))
+    reach = (0.5 * acceleration * ladder.since**2)[..., None] + _NEAR * narrow
+    far = (distance > reach).any(axis=-1)
+    doubted = far.any()
+    if doubted:
+        # No rung may say that the target got further than it can.
+        farthest = np.where(far[..., None, None], (reach * reach)[..., None, :], np.inf)
+        reached = np.minimum(a, farthest) + own
+    else:
+        reached = expected
+    exponent = -0.5 * (apart * apart / reached + np.log(reached))
     best = exponent.max(axis=-2, keepdims=True)
     exponent -= best
     seen = ladder.weights * np.exp(exponent)
     total = seen.sum(axis=-2, keepdims=True)
-    # The density of positions by their narrowest explanation says how near is near.
-    narrow = 1.0 / np.sqrt((ladder.weights / expected).sum(axis=-2))
-    distance = np.abs((ladder.weights * apart).sum(axis=-2))
-    since = ladder.since[..., None]
-    far = distance > 0.5 * acceleration * since * since + _NEAR * narrow
     seen /= total
     weights = np.maximum(seen, _LEAST_WEIGHT)
     near, turn = np.where(_FOLLOWS, 1.0, a / expected), b / expected
-    certainty: Array = np.ones(far.shape[:-1])
+    certainty: Array = np.ones(far.shape)
     taken: Array | float = 1.0
-    if far.any():
-        likelihood = np.log(total[..., 0, :]) + best[..., 0, :] - 0.5 * _LOG_TWO_PI
-        wrong = _LOG_DENSITY - np.log(np.maximum(distance, narrow))
+    if doubted:
+        likelihood = (np.log(total[..., 0, :]) + best[..., 0, :] - 0.5 * _LOG_TWO_PI).sum(axis=-1)
+        radius = np.sqrt(((distance / narrow) ** 2).sum(axis=-1))
+        wrong = _LOG_DENSITY - 3.0 * np.log(radius) - np.log(narrow).sum(axis=-1)
         odds = wrong_share / (1.0 - wrong_share) * np.exp(np.clip(wrong - likelihood, -700, 700))
-        certainty = np.where(far, 1.0 / (1.0 + odds), 1.0).min(axis=-1)
+        certainty = np.where(far, 1.0 / (1.0 + odds), 1.0)
         sure = certainty[..., None, None]
         seen *= sure
         weights = np.maximum(seen + (1.0 - sure) * ladder.weights, _LEAST_WEIGHT)

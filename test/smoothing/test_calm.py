@@ -62,6 +62,7 @@ def normalised(states, truth):
 @pytest.mark.parametrize('motion', MOTIONS)
 def test_calm_water_is_filtered_to_much_less_than_it_came_in(motion):
     most = {'still': 0.3, 'steady': 0.6, 'turning': 0.9}[motion]
+    most_in_one = {'still': 0.4, 'steady': 0.6, 'turning': 0.9}[motion]
     shares, first, whole = [], [], []
     for seed in range(8):
         truth, positions, covariance = noisy(motion, seed)
@@ -71,9 +72,9 @@ def test_calm_water_is_filtered_to_much_less_than_it_came_in(motion):
         first.append(rms(error[:FIRST_SECOND]) / rms(raw[:FIRST_SECOND]))
         whole.append(rms(error) / rms(raw))
     assert np.mean(shares) < most
-    if motion != 'still':
-        assert max(whole) < most
-    assert max(shares) < 1.0
+    assert max(whole) < most_in_one
+    # A target that turns as it comes into view is taken for a steady one at first.
+    assert max(first) < (1.1 if motion == 'turning' else 1.0)
     assert np.mean(first) < 1.0
 
 
