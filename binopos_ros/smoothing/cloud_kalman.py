@@ -89,7 +89,7 @@ class CloudKalmanFilter(Filter[_Memory]):
     def _start(self, position: Array, covariance: Array) -> _Memory:
         axes = first_axes(covariance[..., 0, :, :])
         measured = (axes @ position[..., None])[..., 0]
-        noise, medium = _variances(axes, covariance)
+        noise, medium = _variances(_inside(axes, covariance))
         wavy = None if medium is None else waves.start(measured, noise, medium)
         free = ladder.start(measured, _sum(noise, medium))
         return _Memory(axes, free, wavy, _roughness(noise, medium), np.ones(position.shape[:-1]))
@@ -101,9 +101,13 @@ class CloudKalmanFilter(Filter[_Memory]):
         return memory._replace(free=free, waves=waves.advance(memory.waves, elapsed))
 
     def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
-        memory = _turned(memory, covariance[..., 0, :, :])
+        inside = _inside(memory.axes, covariance)
+        axes = following(memory.axes, inside[..., 0, :, :])
+        if axes is not None:
+            memory = _turned(memory, axes)
+            inside = _inside(axes, covariance)
         measured = (memory.axes @ position[..., None])[..., 0]
-        noise, medium = _variances(memory.axes, covariance)
+        noise, medium = _variances(inside)
         distance = np.sqrt((position * position).sum(axis=-1))
         acceleration = self.options.max_acceleration + self.options.max_turning * distance
         free = ladder.correct(
@@ -133,39 +137,46 @@ class CloudKalmanFilter(Filter[_Memory]):
 
     def _estimate(self, memory: _Memory) -> Estimate:
         mean, parts = ladder.moments(memory.free)
-        state = mean.swapaxes(-1, -2).reshape(*mean.shape[:-2], 6)
-        spread = np.zeros((*state.shape, 6))
-        spread.reshape(*mean.shape[:-2], 36)[..., _BLOCKS] = parts.swapaxes(-1, -2)[..., _PARTS, :]
+        axes = memory.axes
+        across = axes.swapaxes(-1, -2)
+        state = mean.swapaxes(-1, -2) @ axes
+        turned = across[..., None, :, :] * parts.swapaxes(-1, -2)[..., None, :]
+        turned = turned @ axes[..., None, :, :]
+        covariance = np.empty((*state.shape[:-2], 2, 3, 2, 3))
+        covariance[..., 0, :, 0, :] = turned[..., 0, :, :]
+        covariance[..., 0, :, 1, :] = covariance[..., 1, :, 0, :] = turned[..., 1, :, :]
+        covariance[..., 1, :, 1, :] = turned[..., 2, :, :]
+        covariance = covariance.reshape(*state.shape[:-2], 6, 6)
         if memory.waves is not None and np.any(memory.rough):
-            share = memory.rough[..., None]
-            other, other_spread = waves.moments(memory.waves)
-            apart = other - state
-            state = state + share * apart
-            share = share[..., None]
-            spread = spread + share * (
-                other_spread - spread + (1.0 - share) * apart[..., :, None] * apart[..., None, :]
-            )
-        turn = np.zeros((*state.shape, 6))
-        turn[..., :3, :3] = turn[..., 3:, 3:] = memory.axes
-        vector = (state[..., None, :] @ turn)[..., 0, :]
-        covariance = turn.swapaxes(-1, -2) @ spread @ turn
+            state, covariance = self._blended(memory, state, covariance)
         used = memory.certainty * (memory.certainty > _LEAST_CERTAINTY)
-        return Estimate(vector[..., :3], vector[..., 3:], covariance, used)
+        return Estimate(state[..., 0, :], state[..., 1, :], covariance, used)
 
-
-# Where the axes' variances of position, of both (twice) and of velocity stand in a (6, 6).
-_BLOCKS = np.arange(3) * 7 + np.array([[0], [3], [18], [21]])
-_PARTS = np.array([0, 1, 1, 2])
+    def _blended(self, memory: _Memory, state: Array, covariance: Array) -> tuple[Array, Array]:
+        """Return what both filters say together: states (..., 2, 3), covariances (..., 6, 6)."""
+        other, spread = waves.moments(memory.waves)
+        turn = np.zeros_like(covariance)
+        turn[..., :3, :3] = turn[..., 3:, 3:] = memory.axes
+        spread = turn.swapaxes(-1, -2) @ spread @ turn
+        share = memory.rough[..., None, None]
+        apart = other.reshape(state.shape) @ memory.axes - state
+        flat = apart.reshape(*state.shape[:-2], 6)
+        between = (1.0 - share) * flat[..., :, None] * flat[..., None, :]
+        return state + share * apart, covariance + share * (spread - covariance + between)
 
 
 def _sum(noise: Array, medium: Array | None) -> Array:
     return noise if medium is None else noise + medium
 
 
-def _variances(axes: Array, covariance: Array) -> tuple[Array, Array | None]:
-    """Return the noise's and, where it is told, the medium's variances (..., 3) along the axes."""
-    inside = along(axes[..., None, :, :], covariance)
-    both = np.diagonal(inside, axis1=-2, axis2=-1)
+def _inside(axes: Array, covariance: Array) -> Array:
+    """Return the parts of a covariance (..., parts, 3, 3) along the axes."""
+    return along(axes[..., None, :, :], covariance)
+
+
+def _variances(inside: Array) -> tuple[Array, Array | None]:
+    """Return the noise's and, where it is told, the medium's variances (..., 3) of `_inside`."""
+    both = inside.diagonal(axis1=-2, axis2=-1)
     return both[..., 0, :], both[..., 1, :] if both.shape[-2] == 2 else None
 
 
@@ -177,11 +188,8 @@ def _roughness(noise: Array, medium: Array | None) -> Array:
     return np.clip((ratio - _CALM) / (_ROUGH - _CALM), 0.0, 1.0)
 
 
-def _turned(memory: _Memory, covariance: Array) -> _Memory:
-    """Return the memory along axes that follow the line of sight."""
-    axes = following(memory.axes, along(memory.axes, covariance))
-    if axes is None:
-        return memory
+def _turned(memory: _Memory, axes: Array) -> _Memory:
+    """Return the memory along other axes."""
     turn = axes @ memory.axes.swapaxes(-1, -2)
     return memory._replace(
         axes=axes,

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.chain import eigenbasis
 from binopos_ros.smoothing.motion import Seconds
-from binopos_ros.smoothing.scalars import product
+from binopos_ros.smoothing.scalars import Number, larger, product, smaller
 
 Array = NDArray[np.float64]
 
@@ -47,8 +47,8 @@ _FARTHER = 0.5
 _FIRST_SPEED = 10.0
 #: Of a velocity of which a rung itself says nothing, per frame, in deviations of the measurement.
 _LEAST_FIRST_SPEED = 1.0
-#: From here on the gain of the position is above 0.97: taken for 1, so that nothing lags.
-_FOLLOWS = INDICES[:, None] >= 100.0
+#: From this rung on the gain of the position is above 0.97: taken for 1, so that nothing lags.
+_FOLLOWS = int(np.searchsorted(INDICES, 100.0))
 #: Share of the newest interval in the time between frames, and how far it may differ.
 _NEW_INTERVAL, _LONGEST_RATIO = 0.1, 3.0
 #: No camera is quicker, none is slower (s).
@@ -103,9 +103,9 @@ class Ladder(NamedTuple):
         Probabilities of the rungs.
     variance : (..., 3) array
         Of the last measurement (m^2).
-    interval : (...) array
+    interval : float or (...) array
         Time between frames (s); 0 until there were two.
-    since : (...) array
+    since : float or (...) array
         Time since the last measurement (s).
 
     """
@@ -113,8 +113,8 @@ class Ladder(NamedTuple):
     states: Array
     weights: Array
     variance: Array
-    interval: Array
-    since: Array
+    interval: Number
+    since: Number
 
 
 def start(position: Array, variance: Array) -> Ladder:
@@ -124,42 +124,44 @@ def start(position: Array, variance: Array) -> Ladder:
     states[..., P] = position[..., None, :]
     states[..., PP] = variance[..., None, :]
     weights = np.full((*batch, RUNGS, 3), 1.0 / RUNGS)
-    return Ladder(states, weights, variance, np.zeros(batch), np.zeros(batch))
+    none = np.zeros(batch)[()]
+    return Ladder(states, weights, variance, none, none)
 
 
 def advance(ladder: Ladder, elapsed: Seconds) -> Ladder:
     """Return the bank `elapsed` seconds later."""
-    elapsed = np.asarray(elapsed)
     interval, states = ladder.interval, ladder.states
-    if not interval.all():
+    if not np.all(interval):
         # Of the velocity is known what two positions can say of it.
-        new = interval == 0.0
-        interval = np.where(new, np.clip(elapsed, *_INTERVALS), interval)
-        per_frame = (ladder.variance / (interval * interval)[..., None])[..., None, :]
+        new = np.asarray(interval) == 0.0
+        interval = np.where(new, np.clip(elapsed, *_INTERVALS), interval)[()]
+        per_frame = (ladder.variance / np.asarray(interval * interval)[..., None])[..., None, :]
         states = states.copy()
         first = per_frame * _FIRST_SPEEDS[:, None]
         states[..., VV] = np.where(new[..., None, None], first, states[..., VV])
     frames = elapsed / interval
-    switch = np.exp(frames[..., None] * _RATES).dot(_SWITCHES)
+    switch = np.exp(np.multiply.outer(frames, _RATES)).dot(_SWITCHES)
     # To the row's rung from the column's.
-    switch = switch.reshape(*frames.shape, RUNGS, RUNGS)
+    switch = switch.reshape(*switch.shape[:-1], RUNGS, RUNGS)
     weights = product(switch, ladder.weights)
     # About the first rung's state, so that squares of positions do not swamp variances.
     origin = states[..., :1, :, :PP]
     moments = _about(states, origin)
     moments *= ladder.weights[..., None]
-    flat = moments.reshape(*frames.shape, RUNGS, -1)
+    flat = moments.reshape(*switch.shape[:-1], -1)
     mixed = product(switch, flat).reshape(moments.shape)
     mixed /= weights[..., None]
     mean = mixed[..., :PP]
     mixed[..., PP:] -= mean.dot(_LEFT) * mean.dot(_RIGHT)
     mean += origin
-    mixed[..., REST, :, V] = mixed[..., REST, :, PV] = mixed[..., REST, :, VV] = 0.0
-    onward = (elapsed[..., None] ** _EXPONENTS).dot(_POWERS.reshape(3, -1))
-    onward = onward.reshape(*elapsed.shape, 1, _SIZE, _SIZE)
-    moved = mixed @ onward if elapsed.ndim else mixed.dot(onward[0])
-    row = (frames**3 / 3.0, 0.5 * frames**2 / interval, frames / interval**2)
-    driven = np.array(row).T[..., None, None, :] * ladder.variance[..., None, :, None]
+    mixed[..., REST, :, V::2] = 0.0
+    mixed[..., REST, :, VV] = 0.0
+    onward = (np.asarray(elapsed)[..., None] ** _EXPONENTS).dot(_POWERS.reshape(3, -1))
+    onward = onward.reshape(*onward.shape[:-1], 1, _SIZE, _SIZE)
+    moved = mixed @ onward if np.ndim(elapsed) else mixed.dot(onward[0])
+    rate = 1.0 / interval
+    row = np.array((frames**3 / 3.0, 0.5 * rate * frames**2, frames * rate * rate)).T
+    driven = row[..., None, None, :] * ladder.variance[..., None, :, None]
     moved[..., PP:] += driven * _DRIVEN
     return Ladder(moved, weights, ladder.variance, interval, ladder.since + elapsed)
 
@@ -198,64 +200,77 @@ def correct(
     is weighed against one that is not the target's, of which there is a share of `wrong_share`.
     """
     before, own = ladder.states, variance[..., None, :]
-    a, b = before[..., PP], before[..., PV]
-    expected = a + own
+    expected = before[..., PP] + own
     apart = position[..., None, :] - before[..., P]
     # The density of positions by their narrowest explanation says how near is near.
-    narrow = 1.0 / np.sqrt((ladder.weights / expected).sum(axis=-2))
-    distance = np.abs((ladder.weights * apart).sum(axis=-2))
-    reach = (0.5 * acceleration * ladder.since**2)[..., None] + _NEAR * narrow
-    far = (distance > reach).any(axis=-1)
-    doubted = far.any()
-    if doubted:
+    narrow = 1.0 / np.sqrt(_over_rungs(ladder.weights / expected))
+    distance = np.abs(_over_rungs(ladder.weights * apart))
+    reach = 0.5 * acceleration * ladder.since * ladder.since
+    reach = np.asarray(reach)[..., None] + _NEAR * narrow
+    far = distance > reach
+    # Variances after it, whose gain is the optimal one or, on rungs that follow, 1.
+    gain = before[..., PP:VV] / expected[..., None]
+    gain[..., _FOLLOWS:, :, 0] = 1.0
+    states = before.copy()
+    np.multiply(gain, own[..., None], out=states[..., PP:VV])
+    states[..., VV] -= gain[..., 1] * before[..., PV]
+    moved = gain * apart[..., None]
+    if far.any():
+        astray = far.any(axis=-1)
         # No rung may say that the target got further than it can.
-        farthest = np.where(far[..., None, None], (reach * reach)[..., None, :], np.inf)
-        reached = np.minimum(a, farthest) + own
-    else:
-        reached = expected
-    exponent = -0.5 * (apart * apart / reached + np.log(reached))
-    best = exponent.max(axis=-2, keepdims=True)
-    exponent -= best
-    seen = ladder.weights * np.exp(exponent)
-    total = seen.sum(axis=-2, keepdims=True)
-    seen /= total
-    weights = np.maximum(seen, _LEAST_WEIGHT)
-    near, turn = np.where(_FOLLOWS, 1.0, a / expected), b / expected
-    certainty: Array = np.ones(far.shape)
-    taken: Array | float = 1.0
-    if doubted:
-        likelihood = (np.log(total[..., 0, :]) + best[..., 0, :] - 0.5 * _LOG_TWO_PI).sum(axis=-1)
+        farthest = np.where(astray[..., None, None], (reach * reach)[..., None, :], np.inf)
+        seen, likelihood = _weighed(ladder, apart, np.minimum(before[..., PP], farthest) + own)
         radius = np.sqrt(((distance / narrow) ** 2).sum(axis=-1))
         wrong = _LOG_DENSITY - 3.0 * np.log(radius) - np.log(narrow).sum(axis=-1)
         odds = wrong_share / (1.0 - wrong_share) * np.exp(np.clip(wrong - likelihood, -700, 700))
-        certainty = np.where(far, 1.0 / (1.0 + odds), 1.0)
+        certainty = np.where(astray, 1.0 / (1.0 + odds), 1.0)
         sure = certainty[..., None, None]
         seen *= sure
         weights = np.maximum(seen + (1.0 - sure) * ladder.weights, _LEAST_WEIGHT)
         # Of each rung the share of it that holds the position for the target's.
-        taken = np.minimum(seen / weights, 1.0)
-    gained = taken * apart
-    moved = gained * (apart - gained)
-    states = np.empty_like(before)
-    states[..., P] = before[..., P] + near * gained
-    states[..., V] = before[..., V] + turn * gained
-    # Joseph's form, as the gain of those that follow is not the optimal one.
-    kept = 1.0 - near
-    states[..., PP] = a + taken * (kept * kept * a + near * near * own - a) + near * near * moved
-    turning = near * turn
-    states[..., PV] = b + taken * (kept * (b - turn * a) + turning * own - b) + turning * moved
-    states[..., VV] = before[..., VV] + turn * turn * (moved - taken * expected)
-    ratio = ladder.since / ladder.interval
-    ratio = np.minimum(np.maximum(ratio, 1.0 / _LONGEST_RATIO), _LONGEST_RATIO)
-    interval = ladder.interval * ratio**_NEW_INTERVAL
-    interval = np.minimum(np.maximum(interval, _INTERVALS[0]), _INTERVALS[1])
+        taken = np.minimum(seen / weights, 1.0)[..., None]
+        states[..., PP:] = before[..., PP:] + taken * (states[..., PP:] - before[..., PP:])
+        states[..., PP:] += taken * (1.0 - taken) * (moved.dot(_LEFT) * moved.dot(_RIGHT))
+        moved *= taken
+    else:
+        seen, _ = _weighed(ladder, apart, expected)
+        weights = np.maximum(seen, _LEAST_WEIGHT, out=seen)
+        certainty = np.ones(far.shape[:-1])
+    states[..., :PP] += moved
+    ratio = larger(ladder.since / ladder.interval, 1.0 / _LONGEST_RATIO)
+    interval = ladder.interval * smaller(ratio, _LONGEST_RATIO) ** _NEW_INTERVAL
+    interval = smaller(larger(interval, _INTERVALS[0]), _INTERVALS[1])
     return Reading(Ladder(states, weights, variance, interval, 0.0 * ladder.since), certainty)
+
+
+def _over_rungs(values: Array) -> Array:
+    """Return the sum over rungs of values (..., R, 3)."""
+    return np.add.reduce(values, axis=-2)
+
+
+def _weighed(ladder: Ladder, apart: Array, variance: Array) -> tuple[Array, Array]:
+    """Return the rungs' probabilities after a position, and log likelihoods (...) of all axes.
+
+    `apart` and `variance` (..., R, 3) are what it is off each rung's prediction, and was to be.
+    """
+    exponent = apart * apart
+    exponent /= variance
+    exponent += np.log(variance)
+    least = np.minimum.reduce(exponent, axis=-2, keepdims=True)
+    exponent -= least
+    exponent *= -0.5
+    seen = np.exp(exponent, out=exponent)
+    seen *= ladder.weights
+    total = np.add.reduce(seen, axis=-2, keepdims=True)
+    seen /= total
+    each = np.log(total[..., 0, :]) - 0.5 * (least[..., 0, :] + _LOG_TWO_PI)
+    return seen, each.sum(axis=-1)
 
 
 def mean_position(ladder: Ladder) -> Array:
     """Return the position (..., 3) along the axes, over all rungs."""
-    weights = ladder.weights
-    return (weights * ladder.states[..., P]).sum(axis=-2) / weights.sum(axis=-2)
+    origin = ladder.states[..., :1, :, P]
+    return origin[..., 0, :] + _over_rungs(ladder.weights * (ladder.states[..., P] - origin))
 
 
 def moments(ladder: Ladder) -> tuple[Array, Array]:
@@ -264,8 +279,9 @@ def moments(ladder: Ladder) -> tuple[Array, Array]:
     The covariance of each axis is that of the position, of both, and of the velocity.
     """
     origin = ladder.states[..., :1, :, :PP]
-    weights = ladder.weights[..., None]
-    summed = (_about(ladder.states, origin) * weights).sum(axis=-3) / weights.sum(axis=-3)
+    about = _about(ladder.states, origin)
+    about *= ladder.weights[..., None]
+    summed = np.add.reduce(about, axis=-3)
     mean = summed[..., :PP]
     spread = summed[..., PP:] - mean.dot(_LEFT) * mean.dot(_RIGHT)
     return mean + origin[..., 0, :, :], spread

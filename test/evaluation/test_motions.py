@@ -99,7 +99,7 @@ def test_single_wrong_objects_hardly_move_the_pose():
 
 @pytest.mark.parametrize('kind', MOTIONS)
 def test_velocity_is_unbiased_but_for_a_frame_of_steady_acceleration(kind):
-    # A target that circles is pulled inwards all the time, which a constant velocity does not know.
+    # A target that circles is pulled inwards all the time, which no constant velocity knows.
     conditions = Conditions(rate=30.0)
     biases, deviations = [], []
     for seed in range(2):
