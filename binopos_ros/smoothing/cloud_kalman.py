@@ -139,8 +139,8 @@ class CloudKalmanFilter(Filter[_Memory]):
         mean, parts = ladder.moments(memory.free)
         axes = memory.axes
         across = axes.swapaxes(-1, -2)
-        state = mean.swapaxes(-1, -2) @ axes
-        turned = across[..., None, :, :] * parts.swapaxes(-1, -2)[..., None, :]
+        state = mean @ axes
+        turned = across[..., None, :, :] * parts[..., None, :]
         turned = turned @ axes[..., None, :, :]
         covariance = np.empty((*state.shape[:-2], 2, 3, 2, 3))
         covariance[..., 0, :, 0, :] = turned[..., 0, :, :]
@@ -148,21 +148,9 @@ class CloudKalmanFilter(Filter[_Memory]):
         covariance[..., 1, :, 1, :] = turned[..., 2, :, :]
         covariance = covariance.reshape(*state.shape[:-2], 6, 6)
         if memory.waves is not None and np.any(memory.rough):
-            state, covariance = self._blended(memory, state, covariance)
+            state, covariance = _blended(memory, memory.waves, state, covariance)
         used = memory.certainty * (memory.certainty > _LEAST_CERTAINTY)
         return Estimate(state[..., 0, :], state[..., 1, :], covariance, used)
-
-    def _blended(self, memory: _Memory, state: Array, covariance: Array) -> tuple[Array, Array]:
-        """Return what both filters say together: states (..., 2, 3), covariances (..., 6, 6)."""
-        other, spread = waves.moments(memory.waves)
-        turn = np.zeros_like(covariance)
-        turn[..., :3, :3] = turn[..., 3:, 3:] = memory.axes
-        spread = turn.swapaxes(-1, -2) @ spread @ turn
-        share = memory.rough[..., None, None]
-        apart = other.reshape(state.shape) @ memory.axes - state
-        flat = apart.reshape(*state.shape[:-2], 6)
-        between = (1.0 - share) * flat[..., :, None] * flat[..., None, :]
-        return state + share * apart, covariance + share * (spread - covariance + between)
 
 
 def _sum(noise: Array, medium: Array | None) -> Array:
@@ -178,6 +166,19 @@ def _variances(inside: Array) -> tuple[Array, Array | None]:
     """Return the noise's and, where it is told, the medium's variances (..., 3) of `_inside`."""
     both = inside.diagonal(axis1=-2, axis2=-1)
     return both[..., 0, :], both[..., 1, :] if both.shape[-2] == 2 else None
+
+
+def _blended(memory: _Memory, wavy: Waves, state: Array, covariance: Array) -> tuple[Array, Array]:
+    """Return what both filters say together: states (..., 2, 3), covariances (..., 6, 6)."""
+    other, spread = waves.moments(wavy)
+    turn = np.zeros_like(covariance)
+    turn[..., :3, :3] = turn[..., 3:, 3:] = memory.axes
+    spread = turn.swapaxes(-1, -2) @ spread @ turn
+    share = memory.rough[..., None, None]
+    apart = other.reshape(state.shape) @ memory.axes - state
+    flat = apart.reshape(*state.shape[:-2], 6)
+    between = (1.0 - share) * flat[..., :, None] * flat[..., None, :]
+    return state + share * apart, covariance + share * (spread - covariance + between)
 
 
 def _roughness(noise: Array, medium: Array | None) -> Array:

@@ -13,9 +13,8 @@ algorithm for systems with Markovian switching coefficients", IEEE TAC 33(8), 19
 chain in continuous time, whose unit is the time between frames. Seen as a cloud, the rungs are the
 widths that it may have: a normal cloud is a normal distribution whose width is itself uncertain.
 
-Arrays have leading dimensions for batches, then the rung, the axis and the component: position and
-velocity, then their variances and, between them, their covariance. A step is a few products: on
-arrays as small as these the number of calls is what costs.
+Arrays have leading dimensions for batches, then the rung and the axis. Each component has an array
+of its own: as small as they are, the number of calls is what costs, and strides cost more.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.chain import eigenbasis
 from binopos_ros.smoothing.motion import Seconds
-from binopos_ros.smoothing.scalars import Number, larger, product, smaller
+from binopos_ros.smoothing.scalars import Number, beside, larger, product, smaller
 
 Array = NDArray[np.float64]
 
@@ -62,21 +61,9 @@ _NEAR = 4.0
 _LOG_DENSITY = -math.log(4.0 * math.pi * math.log(1e4))
 _LOG_TWO_PI = math.log(2.0 * math.pi)
 
-# Components: position, velocity; variance of the position, covariance, variance of the velocity.
-P, V, PP, PV, VV = range(5)
-_SIZE = 5
-# Of position and velocity the factors of their three products.
-_LEFT = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-_RIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
-# What takes the components some time on: of its powers 0, 1 and 2.
-_POWERS = np.zeros((3, _SIZE, _SIZE))
-_POWERS[0] = np.eye(_SIZE)
-_POWERS[1, V, P] = _POWERS[1, VV, PV] = 1.0
-_POWERS[1, PV, PP], _POWERS[2, VV, PP] = 2.0, 1.0
-_FIRST_SPEEDS = np.maximum((_FIRST_SPEED**2) * INDICES, _LEAST_FIRST_SPEED**2)
+_FIRST_SPEEDS = np.maximum((_FIRST_SPEED**2) * INDICES, _LEAST_FIRST_SPEED**2)[:, None]
 _FIRST_SPEEDS[REST] = 0.0
-_DRIVEN = INDICES[:, None, None]
-_EXPONENTS = np.arange(3.0)
+_DRIVEN = INDICES[:, None]
 
 
 def _generator() -> Array:
@@ -97,8 +84,10 @@ class Ladder(NamedTuple):
 
     Attributes
     ----------
-    states : (..., R, 3, 5) array
-        Per rung and axis: position (m), velocity (m/s), their variances and covariance.
+    places, speeds : (..., R, 3) array
+        Position (m) and velocity (m/s) per rung and axis.
+    place_variances, covariances, speed_variances : (..., R, 3) array
+        Their variances, and the covariance of both.
     weights : (..., R, 3) array
         Probabilities of the rungs.
     variance : (..., 3) array
@@ -110,7 +99,11 @@ class Ladder(NamedTuple):
 
     """
 
-    states: Array
+    places: Array
+    speeds: Array
+    place_variances: Array
+    covariances: Array
+    speed_variances: Array
     weights: Array
     variance: Array
     interval: Number
@@ -119,60 +112,59 @@ class Ladder(NamedTuple):
 
 def start(position: Array, variance: Array) -> Ladder:
     """Return the bank after a first position (..., 3) of that variance (..., 3) along the axes."""
-    batch = position.shape[:-1]
-    states = np.zeros((*batch, RUNGS, 3, _SIZE))
-    states[..., P] = position[..., None, :]
-    states[..., PP] = variance[..., None, :]
-    weights = np.full((*batch, RUNGS, 3), 1.0 / RUNGS)
-    none = np.zeros(batch)[()]
-    return Ladder(states, weights, variance, none, none)
+    shape = (*position.shape[:-1], RUNGS, 3)
+    places = np.broadcast_to(position[..., None, :], shape)
+    variances = np.broadcast_to(variance[..., None, :], shape)
+    nothing = np.zeros(shape)
+    weights = np.full(shape, 1.0 / RUNGS)
+    never = np.zeros(position.shape[:-1])[()]
+    return Ladder(places, nothing, variances, nothing, nothing, weights, variance, never, never)
 
 
 def advance(ladder: Ladder, elapsed: Seconds) -> Ladder:
     """Return the bank `elapsed` seconds later."""
-    interval, states = ladder.interval, ladder.states
-    if not np.all(interval):
+    interval, speed_variances = ladder.interval, ladder.speed_variances
+    new = np.equal(interval, 0.0)
+    if new.any():
         # Of the velocity is known what two positions can say of it.
-        new = np.asarray(interval) == 0.0
         interval = np.where(new, np.clip(elapsed, *_INTERVALS), interval)[()]
-        per_frame = (ladder.variance / np.asarray(interval * interval)[..., None])[..., None, :]
-        states = states.copy()
-        first = per_frame * _FIRST_SPEEDS[:, None]
-        states[..., VV] = np.where(new[..., None, None], first, states[..., VV])
+        per_frame = ladder.variance / beside(interval * interval, 1)
+        first = per_frame[..., None, :] * _FIRST_SPEEDS
+        speed_variances = np.where(beside(new, 2), first, speed_variances)
     frames = elapsed / interval
     switch = np.exp(np.multiply.outer(frames, _RATES)).dot(_SWITCHES)
     # To the row's rung from the column's.
     switch = switch.reshape(*switch.shape[:-1], RUNGS, RUNGS)
     weights = product(switch, ladder.weights)
-    # About the first rung's state, so that squares of positions do not swamp variances.
-    origin = states[..., :1, :, :PP]
-    moments = _about(states, origin)
-    moments *= ladder.weights[..., None]
-    flat = moments.reshape(*switch.shape[:-1], -1)
-    mixed = product(switch, flat).reshape(moments.shape)
-    mixed /= weights[..., None]
-    mean = mixed[..., :PP]
-    mixed[..., PP:] -= mean.dot(_LEFT) * mean.dot(_RIGHT)
-    mean += origin
-    mixed[..., REST, :, V::2] = 0.0
-    mixed[..., REST, :, VV] = 0.0
-    onward = (np.asarray(elapsed)[..., None] ** _EXPONENTS).dot(_POWERS.reshape(3, -1))
-    onward = onward.reshape(*onward.shape[:-1], 1, _SIZE, _SIZE)
-    moved = mixed @ onward if np.ndim(elapsed) else mixed.dot(onward[0])
+    share = 1.0 / weights
+    # About the first rung's position, so that squares of positions do not swamp variances.
+    origin = ladder.places[..., :1, :]
+    p, v = ladder.places - origin, ladder.speeds
+    of_p, of_v = ladder.weights * p, ladder.weights * v
+    place = product(switch, of_p) * share
+    speed = product(switch, of_v) * share
+    pp = product(switch, ladder.weights * ladder.place_variances + of_p * p) * share
+    pv = product(switch, ladder.weights * ladder.covariances + of_p * v) * share
+    vv = product(switch, ladder.weights * speed_variances + of_v * v) * share
+    pp -= place * place
+    pv -= place * speed
+    vv -= speed * speed
+    for each in (speed, pv, vv):
+        each[..., REST, :] = 0.0
+    time = beside(elapsed, 2)
+    gained = time * vv
+    pp += time * (2.0 * pv + gained)
+    pv += gained
+    place += time * speed
+    place += origin
+    # White acceleration.
     rate = 1.0 / interval
-    row = np.array((frames**3 / 3.0, 0.5 * rate * frames**2, frames * rate * rate)).T
-    driven = row[..., None, None, :] * ladder.variance[..., None, :, None]
-    moved[..., PP:] += driven * _DRIVEN
-    return Ladder(moved, weights, ladder.variance, interval, ladder.since + elapsed)
-
-
-def _about(states: Array, origin: Array) -> Array:
-    """Return first and second moments (..., 5) of each rung and axis about an origin (..., 2)."""
-    moments = states.copy()
-    first = moments[..., :PP]
-    first -= origin
-    moments[..., PP:] += first.dot(_LEFT) * first.dot(_RIGHT)
-    return moments
+    driven = ladder.variance[..., None, :] * _DRIVEN
+    pp += beside(frames**3 / 3.0, 2) * driven
+    pv += beside(0.5 * rate * frames**2, 2) * driven
+    vv += beside(frames * rate * rate, 2) * driven
+    since = ladder.since + elapsed
+    return Ladder(place, speed, pp, pv, vv, weights, ladder.variance, interval, since)
 
 
 class Reading(NamedTuple):
@@ -199,48 +191,52 @@ def correct(
     A position further from the prediction than `acceleration` (...), m/s^2, could take the target
     is weighed against one that is not the target's, of which there is a share of `wrong_share`.
     """
-    before, own = ladder.states, variance[..., None, :]
-    expected = before[..., PP] + own
-    apart = position[..., None, :] - before[..., P]
+    own = variance[..., None, :]
+    a, b = ladder.place_variances, ladder.covariances
+    expected = a + own
+    apart = position[..., None, :] - ladder.places
     # The density of positions by their narrowest explanation says how near is near.
     narrow = 1.0 / np.sqrt(_over_rungs(ladder.weights / expected))
     distance = np.abs(_over_rungs(ladder.weights * apart))
-    reach = 0.5 * acceleration * ladder.since * ladder.since
-    reach = np.asarray(reach)[..., None] + _NEAR * narrow
-    far = distance > reach
-    # Variances after it, whose gain is the optimal one or, on rungs that follow, 1.
-    gain = before[..., PP:VV] / expected[..., None]
-    gain[..., _FOLLOWS:, :, 0] = 1.0
-    states = before.copy()
-    np.multiply(gain, own[..., None], out=states[..., PP:VV])
-    states[..., VV] -= gain[..., 1] * before[..., PV]
-    moved = gain * apart[..., None]
+    reach = beside(0.5 * acceleration * ladder.since * ladder.since, 1) + _NEAR * narrow
+    far = np.asarray(distance > reach)
+    # The gain is the optimal one or, on rungs that follow, 1.
+    near, turn = a / expected, b / expected
+    near[..., _FOLLOWS:, :] = 1.0
+    pp, pv, vv = near * own, turn * own, ladder.speed_variances - turn * b
+    by_place, by_speed = near * apart, turn * apart
     if far.any():
         astray = far.any(axis=-1)
         # No rung may say that the target got further than it can.
         farthest = np.where(astray[..., None, None], (reach * reach)[..., None, :], np.inf)
-        seen, likelihood = _weighed(ladder, apart, np.minimum(before[..., PP], farthest) + own)
+        seen, total = _weighed(ladder.weights, apart, np.minimum(a, farthest) + own)
         radius = np.sqrt(((distance / narrow) ** 2).sum(axis=-1))
         wrong = _LOG_DENSITY - 3.0 * np.log(radius) - np.log(narrow).sum(axis=-1)
-        odds = wrong_share / (1.0 - wrong_share) * np.exp(np.clip(wrong - likelihood, -700, 700))
+        odds = np.exp(np.clip(wrong - total.sum(axis=-1), -700, 700))
+        odds *= wrong_share / (1.0 - wrong_share)
         certainty = np.where(astray, 1.0 / (1.0 + odds), 1.0)
         sure = certainty[..., None, None]
         seen *= sure
         weights = np.maximum(seen + (1.0 - sure) * ladder.weights, _LEAST_WEIGHT)
         # Of each rung the share of it that holds the position for the target's.
-        taken = np.minimum(seen / weights, 1.0)[..., None]
-        states[..., PP:] = before[..., PP:] + taken * (states[..., PP:] - before[..., PP:])
-        states[..., PP:] += taken * (1.0 - taken) * (moved.dot(_LEFT) * moved.dot(_RIGHT))
-        moved *= taken
+        taken = np.minimum(seen / weights, 1.0)
+        both = taken * (1.0 - taken)
+        pp = a + taken * (pp - a) + both * by_place * by_place
+        pv = b + taken * (pv - b) + both * by_place * by_speed
+        vv = ladder.speed_variances + taken * (vv - ladder.speed_variances)
+        vv += both * by_speed * by_speed
+        by_place *= taken
+        by_speed *= taken
     else:
-        seen, _ = _weighed(ladder, apart, expected)
-        weights = np.maximum(seen, _LEAST_WEIGHT, out=seen)
+        weights, _ = _weighed(ladder.weights, apart, expected)
+        np.maximum(weights, _LEAST_WEIGHT, out=weights)
         certainty = np.ones(far.shape[:-1])
-    states[..., :PP] += moved
     ratio = larger(ladder.since / ladder.interval, 1.0 / _LONGEST_RATIO)
     interval = ladder.interval * smaller(ratio, _LONGEST_RATIO) ** _NEW_INTERVAL
     interval = smaller(larger(interval, _INTERVALS[0]), _INTERVALS[1])
-    return Reading(Ladder(states, weights, variance, interval, 0.0 * ladder.since), certainty)
+    places, speeds = ladder.places + by_place, ladder.speeds + by_speed
+    after = Ladder(places, speeds, pp, pv, vv, weights, variance, interval, 0.0 * ladder.since)
+    return Reading(after, certainty)
 
 
 def _over_rungs(values: Array) -> Array:
@@ -248,8 +244,8 @@ def _over_rungs(values: Array) -> Array:
     return np.add.reduce(values, axis=-2)
 
 
-def _weighed(ladder: Ladder, apart: Array, variance: Array) -> tuple[Array, Array]:
-    """Return the rungs' probabilities after a position, and log likelihoods (...) of all axes.
+def _weighed(weights: Array, apart: Array, variance: Array) -> tuple[Array, Array]:
+    """Return the rungs' probabilities after a position, and log likelihoods (..., 3).
 
     `apart` and `variance` (..., R, 3) are what it is off each rung's prediction, and was to be.
     """
@@ -260,31 +256,32 @@ def _weighed(ladder: Ladder, apart: Array, variance: Array) -> tuple[Array, Arra
     exponent -= least
     exponent *= -0.5
     seen = np.exp(exponent, out=exponent)
-    seen *= ladder.weights
+    seen *= weights
     total = np.add.reduce(seen, axis=-2, keepdims=True)
     seen /= total
-    each = np.log(total[..., 0, :]) - 0.5 * (least[..., 0, :] + _LOG_TWO_PI)
-    return seen, each.sum(axis=-1)
+    return seen, (np.log(total) - 0.5 * (least + _LOG_TWO_PI))[..., 0, :]
 
 
 def mean_position(ladder: Ladder) -> Array:
     """Return the position (..., 3) along the axes, over all rungs."""
-    origin = ladder.states[..., :1, :, P]
-    return origin[..., 0, :] + _over_rungs(ladder.weights * (ladder.states[..., P] - origin))
+    origin = ladder.places[..., :1, :]
+    return origin[..., 0, :] + _over_rungs(ladder.weights * (ladder.places - origin))
 
 
 def moments(ladder: Ladder) -> tuple[Array, Array]:
-    """Return mean (..., 3, 2) and covariance (..., 3, 3) of p and v along the axes, over all.
+    """Return means (..., 2, 3) and covariances (..., 3, 3) along the axes, over all rungs.
 
-    The covariance of each axis is that of the position, of both, and of the velocity.
+    In rows: position and velocity; the position's variances, covariances, the velocity's.
     """
-    origin = ladder.states[..., :1, :, :PP]
-    about = _about(ladder.states, origin)
-    about *= ladder.weights[..., None]
-    summed = np.add.reduce(about, axis=-3)
-    mean = summed[..., :PP]
-    spread = summed[..., PP:] - mean.dot(_LEFT) * mean.dot(_RIGHT)
-    return mean + origin[..., 0, :, :], spread
+    origin = ladder.places[..., :1, :]
+    p, v = ladder.places - origin, ladder.speeds
+    of_p, of_v = ladder.weights * p, ladder.weights * v
+    place, speed = _over_rungs(of_p), _over_rungs(of_v)
+    pp = _over_rungs(ladder.weights * ladder.place_variances + of_p * p) - place * place
+    pv = _over_rungs(ladder.weights * ladder.covariances + of_p * v) - place * speed
+    vv = _over_rungs(ladder.weights * ladder.speed_variances + of_v * v) - speed * speed
+    means = np.stack((place + origin[..., 0, :], speed), axis=-2)
+    return means, np.stack((pp, pv, vv), axis=-2)
 
 
 def turned(ladder: Ladder, turn: Array) -> Ladder:
@@ -293,6 +290,5 @@ def turned(ladder: Ladder, turn: Array) -> Ladder:
     Positions and velocities turn with the axes. Their variances stay with the axes: it is the line
     of sight that they come from, and a step turns it by next to nothing.
     """
-    states = ladder.states.copy()
-    states[..., :PP] = turn[..., None, :, :] @ ladder.states[..., :PP]
-    return ladder._replace(states=states)
+    across = turn.swapaxes(-1, -2)
+    return ladder._replace(places=ladder.places @ across, speeds=ladder.speeds @ across)

@@ -70,8 +70,8 @@ def test_a_rung_by_itself_is_the_kalman_filter_of_its_index():
         peer.update(position[0])
         now = ladder.correct(now, position, variance, 0.02, 50.0).ladder
         now = now._replace(weights=weights)
-    np.testing.assert_allclose(now.states[rung, 0, ladder.P], peer.x[0, 0], atol=3e-5)
-    np.testing.assert_allclose(now.states[rung, 0, ladder.PP], peer.P[0, 0], rtol=0.2)
+    np.testing.assert_allclose(now.places[rung, 0], peer.x[0, 0], atol=3e-5)
+    np.testing.assert_allclose(now.place_variances[rung, 0], peer.P[0, 0], rtol=0.2)
 
 
 def test_velocity_is_unbiased_on_a_circle():
