@@ -10,6 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.smoothing.scalars import components
+
 Array = NDArray[np.float64]
 
 #: The axes follow the line of sight once its direction is off by half a degree: tangent.
@@ -31,14 +33,15 @@ def following(axes: Array, inside: Array) -> Array | None:
 
     `inside` (..., 3, 3) is the measurement's covariance along `axes`.
     """
-    tilted = (np.abs(inside[..., 2, :2]) > _TURNED * inside[..., 2, 2:]).any(axis=-1)
-    if not np.any(tilted):
+    first, second, most = components(inside[..., 2, :])
+    tilted = np.logical_or(abs(first) > _TURNED * most, abs(second) > _TURNED * most)
+    if not tilted.any():
         return None
     # One step of the power method from the last axis; the others are carried along.
     sight = (axes.swapaxes(-1, -2) @ inside[..., 2, :, None])[..., 0]
     sight = sight / np.linalg.norm(sight, axis=-1, keepdims=True)
-    first = axes[..., 0, :]
-    first = first - (first * sight).sum(axis=-1, keepdims=True) * sight
-    first = first / np.linalg.norm(first, axis=-1, keepdims=True)
-    turned = np.stack([first, np.cross(sight, first), sight], axis=-2)
+    across = axes[..., 0, :]
+    across = across - (across * sight).sum(axis=-1, keepdims=True) * sight
+    across = across / np.linalg.norm(across, axis=-1, keepdims=True)
+    turned = np.stack([across, np.cross(sight, across), sight], axis=-2)
     return np.where(np.asarray(tilted)[..., None, None], turned, axes)

@@ -64,6 +64,7 @@ _LOG_TWO_PI = math.log(2.0 * math.pi)
 _FIRST_SPEEDS = np.maximum((_FIRST_SPEED**2) * INDICES, _LEAST_FIRST_SPEED**2)[:, None]
 _FIRST_SPEEDS[REST] = 0.0
 _DRIVEN = INDICES[:, None]
+_EVERY = np.ones(RUNGS)
 
 
 def _generator() -> Array:
@@ -199,14 +200,14 @@ def correct(
     narrow = 1.0 / np.sqrt(_over_rungs(ladder.weights / expected))
     distance = np.abs(_over_rungs(ladder.weights * apart))
     reach = beside(0.5 * acceleration * ladder.since * ladder.since, 1) + _NEAR * narrow
-    far = np.asarray(distance > reach)
+    far = np.greater(distance, reach)
     # The gain is the optimal one or, on rungs that follow, 1.
     near, turn = a / expected, b / expected
     near[..., _FOLLOWS:, :] = 1.0
     pp, pv, vv = near * own, turn * own, ladder.speed_variances - turn * b
     by_place, by_speed = near * apart, turn * apart
     if far.any():
-        astray = far.any(axis=-1)
+        astray = np.logical_or.reduce(far, axis=-1)
         # No rung may say that the target got further than it can.
         farthest = np.where(astray[..., None, None], (reach * reach)[..., None, :], np.inf)
         seen, total = _weighed(ladder.weights, apart, np.minimum(a, farthest) + own)
@@ -241,7 +242,7 @@ def correct(
 
 def _over_rungs(values: Array) -> Array:
     """Return the sum over rungs of values (..., R, 3)."""
-    return np.add.reduce(values, axis=-2)
+    return product(_EVERY, values)
 
 
 def _weighed(weights: Array, apart: Array, variance: Array) -> tuple[Array, Array]:
