@@ -54,9 +54,10 @@ _MEAN_ABSOLUTE_TO_DEVIATION = math.sqrt(math.pi / 2.0)
 
 _DIRECTIONS = (np.arange(16) + 0.5) * (math.pi / 32.0)
 _COSINES = np.cos(_DIRECTIONS)
-_ACROSS, _ALONG = 2.0 * np.sin(_DIRECTIONS) ** 2 / 16.0, 2.0 * _COSINES**2 / 16.0
+#: Of slopes at two points: across the line between them, and along it.
+_LIKENESS = np.array([2.0 * np.sin(_DIRECTIONS) ** 2 / 16.0, 2.0 * _COSINES**2 / 16.0])
 
-_NOTHING = np.zeros((3, 3))
+_NOTHING, _EYE = np.zeros((3, 3)), np.eye(3)
 
 
 class Fluctuation(NamedTuple):
@@ -99,6 +100,7 @@ class MediumMeter:
         self._sign = (-y, x)
         self._middle = 0.5 * centre
         self._normal = normal
+        self._along_normal = np.outer(normal, normal)
         self._distance = surface.distance
         self._height = surface.distance - float(normal @ self._middle)
         self._index = surface.target_index / surface.indices[0]
@@ -189,29 +191,27 @@ class MediumMeter:
         frequency = self.frequency
         if not frequency < _LONG_WAVES:
             return _NOTHING
-        depth = max(float(self._normal @ point) - self._distance, 0.0)
+        depth = max(float(self._normal.dot(point)) - self._distance, 0.0)
         below = depth / self._index
         separation = self._apart * below / (self._height + below)
         wavenumber = (2.0 * math.pi * frequency) ** 2 / GRAVITY
-        turns = np.cos(wavenumber * separation * _COSINES)
-        across, along = float(_ACROSS @ turns), float(_ALONG @ turns)
+        across, along = _LIKENESS.dot(np.cos(wavenumber * separation * _COSINES)).tolist()
         if across >= 1.0:
             return _NOTHING
         # In units of what independent shifts of the same miss would do.
         common = math.sqrt((1.0 + across) / (1.0 - across))
         apart = math.sqrt((1.0 - along) / (1.0 - across))
         sight = point - self._middle
-        sight = sight / math.sqrt(float(sight @ sight))
-        onto = np.outer(sight, sight)
-        stretch = common * (np.eye(3) - onto) + apart * onto
+        sight = sight / math.sqrt(float(sight.dot(sight)))
+        stretch = common * _EYE + (apart - common) * np.multiply.outer(sight, sight)
         # Few periods tell a variance badly: Student's, not Gauss's, with two degrees a period.
         doubt = 1.0 + 2.0 / (frequency * _COLOUR_MEMORY)
-        result = doubt * (self._square - 1.0) * (stretch @ noise @ stretch)
-        lateral = 0.5 * float(np.trace(result) - sight @ result @ sight)
+        result: Array = stretch.dot(noise).dot((doubt * (self._square - 1.0)) * stretch)
         if depth > 0.0:
+            lateral = 0.5 * float(result.trace() - sight.dot(result).dot(sight))
             # A slope s shifts the target by depth s (1 - 1/n); a crest of s / k raises the
             # surface, and hides (n - 1) of its height.
             crest = math.sqrt(lateral) / (depth * (1.0 - 1.0 / self._index) * wavenumber)
             rise = (self._index - 1.0) * crest
-            result = result + rise * rise * np.outer(self._normal, self._normal)
+            result = result + rise * rise * self._along_normal
         return result
