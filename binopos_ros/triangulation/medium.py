@@ -13,13 +13,16 @@ at two points D apart agree to
 
     c_across = <2 sin^2 t cos(k D cos t)>,    c_along = <2 cos^2 t cos(k D cos t)>
 
-over the directions t. And the surface as a whole rises, which is depth without a miss. What long
-waves do changes too slowly to be averaged away. Behind ports and panes nothing waves.
+over the directions t. And the surface as a whole rises, which is depth without a miss: where a
+target goes up and down slowly and no short waves show, it may be the water that does, and the
+covariance covers both. What long waves do changes too slowly to be averaged away. Behind ports and
+panes nothing waves.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -50,6 +53,8 @@ _SLOWEST = 0.5
 #: Deviations of what chance adds to the misses' variance that are needed to tell a frequency, and
 #: pairs.
 _SURE, _LEAST_PAIRS = 3.0, 20.0
+#: Over this time (s) heights are compared: a small part of the period of waves that are long.
+_LAG = 0.2
 _MEAN_ABSOLUTE_TO_DEVIATION = math.sqrt(math.pi / 2.0)
 
 _DIRECTIONS = (np.arange(16) + 0.5) * (math.pi / 32.0)
@@ -79,6 +84,48 @@ class Fluctuation(NamedTuple):
 def may_wave(surface: FlatInterface | None) -> bool:
     """Tell whether the interface that both cameras look through may wave: its media touch."""
     return surface is not None and not surface.thicknesses
+
+
+class _Heights:
+    """How the target goes up and down slowly, which under a free surface may be the water's."""
+
+    def __init__(self) -> None:
+        self._past: deque[tuple[float, float]] = deque()
+        self._count = self._seconds = self._mean = self._product = self._square = 0.0
+
+    def add(self, stamp: float, height: float, noise: float) -> tuple[float, float]:
+        """Take one height in (m), with its variance; return the slow part's, and its frequency.
+
+        Heights of different frames have no noise in common, so their product holds none but by
+        chance: what there is less than that of is nothing.
+        """
+        past = self._past
+        while past and stamp - past[0][0] > _LAG:
+            past.popleft()
+        if past and stamp <= past[-1][0]:
+            past.clear()
+        past.append((stamp, height))
+        lag = stamp - past[0][0]
+        if lag < 0.5 * _LAG:
+            self._mean = self._mean if self._count else height
+            return 0.0, 0.0
+        elapsed = stamp - past[-2][0]
+        fading = math.exp(-elapsed / _COLOUR_MEMORY)
+        self._count = self._count * fading + 1.0
+        self._seconds = self._seconds * fading + elapsed
+        gain = 1.0 / self._count
+        self._mean += gain * (height - self._mean)
+        rise, before = height - self._mean, past[0][1] - self._mean
+        self._product += gain * (rise * before - self._product)
+        self._square += gain * ((rise - before) ** 2 - self._square)
+        moved = max(self._square - 2.0 * noise, 0.0)
+        variance = self._product + 0.5 * moved
+        if variance < _SURE * noise / math.sqrt(self._count):
+            return 0.0, 0.0
+        turn = math.acos(max(1.0 - 0.5 * moved / variance, -1.0))
+        frequency = max(turn / (2.0 * math.pi * lag), 1.0 / (2.0 * _COLOUR_MEMORY))
+        # Few periods tell a variance badly: Student's, not Gauss's, with two degrees a period.
+        return variance * (1.0 + 2.0 / (frequency * self._seconds)), frequency
 
 
 class MediumMeter:
@@ -114,6 +161,7 @@ class MediumMeter:
         self._total = self._mean = self._absolute = 0.0
         self._count = self._square = self._product = 0.0
         self._interval = 0.0
+        self._heights = _Heights()
 
     @property
     def level(self) -> float:
@@ -151,8 +199,18 @@ class MediumMeter:
             noise: (3, 3) its covariance by pixel noise, m^2.
         """
         self._follow(stamp, self._signed_miss(residuals, covs))
-        level = self.level**2
-        return Fluctuation(level * noise, self._long(point, noise))
+        frequency = self.frequency
+        # Long waves swing too slowly to count as noise.
+        short = _NOTHING if frequency < _LONG_WAVES else self.level**2 * noise
+        if self.level > 0.0 and frequency >= _LONG_WAVES:
+            return Fluctuation(short, _NOTHING)
+        height = float(self._normal.dot(point))
+        bobbing = self._heights.add(
+            stamp, height, float(self._normal.dot(noise).dot(self._normal))
+        )
+        return Fluctuation(
+            short, self._long(frequency, point, noise) + self._raised(height, *bobbing)
+        )
 
     def _signed_miss(self, residuals: Array, covs: tuple[Array, Array]) -> float:
         """Return the rays' miss in deviations of pixel noise."""
@@ -186,9 +244,24 @@ class MediumMeter:
             self._interval = usual_interval + (elapsed - usual_interval) / self._count
         self._miss = apart
 
-    def _long(self, point: Array, noise: Array) -> Array:
+    def _raised(self, height: float, variance: float, frequency: float) -> Array:
+        """Return what a surface may have done that goes up and down as the target seems to.
+
+        Args:
+            height: of the target along the surface's normal, m.
+            variance: of its slow part, m^2.
+            frequency: of that, Hz.
+        """
+        if variance <= 0.0:
+            return _NOTHING
+        hidden = 1.0 - 1.0 / self._index
+        slope = (2.0 * math.pi * frequency) ** 2 / GRAVITY / (self._index - 1.0)
+        depth = max(height - self._distance, 0.0)
+        across = variance * (depth * hidden * slope) ** 2
+        return variance * self._along_normal + across * (_EYE - self._along_normal)
+
+    def _long(self, frequency: float, point: Array, noise: Array) -> Array:
         """Return what long waves add: see the head of this file."""
-        frequency = self.frequency
         if not frequency < _LONG_WAVES:
             return _NOTHING
         depth = max(float(self._normal.dot(point)) - self._distance, 0.0)
@@ -204,7 +277,7 @@ class MediumMeter:
         sight = point - self._middle
         sight = sight / math.sqrt(float(sight.dot(sight)))
         stretch = common * _EYE + (apart - common) * np.multiply.outer(sight, sight)
-        # Few periods tell a variance badly: Student's, not Gauss's, with two degrees a period.
+        # Again few periods tell little.
         doubt = 1.0 + 2.0 / (frequency * _COLOUR_MEMORY)
         result: Array = stretch.dot(noise).dot((doubt * (self._square - 1.0)) * stretch)
         if depth > 0.0:

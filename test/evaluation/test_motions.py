@@ -151,6 +151,16 @@ def test_waves_of_a_basin_are_filtered_and_the_covariance_covers_what_is_left():
     assert 0.3 < np.mean([each.normalised for each in found]) < 2.0
 
 
+@pytest.mark.parametrize('water', ['chop', 'swell', 'long chop', 'broadband'])
+def test_no_water_makes_poses_worse_and_the_covariance_covers_most_of_what_it_does(water):
+    found = []
+    for path in ('still', 'moving', 'stop-and-go'):
+        rig, views = draw_water(water, path, 2)
+        found.append(score(views, *track(rig, views)))
+    assert max(each.ratio for each in found) <= 1.05
+    assert np.mean([each.inside for each in found]) >= 0.85
+
+
 def test_calibration_leaves_the_poses_and_adds_what_it_shares_to_their_covariance():
     rig, covariance = calibrated_rig()
     exact, _ = last_seen(rig, rig, None, 5)
