@@ -38,7 +38,8 @@ def test_each_bag_gives_what_it_gives_alone_and_there_is_one_summary(dives, tmp_
         'pairs seen 10',
         'poses 10',
     ]
-    assert done.stderr == ''
+    # On a slow machine it tells how far it is.
+    assert all(line.startswith('bags: ') for line in done.stderr.splitlines())
     assert sorted(each.name for each in together.iterdir()) == [
         *('one.csv', 'one.mcap', 'two.csv', 'two.mcap')
     ]
