@@ -12,7 +12,7 @@ the other: the waves' filter is believed as soon as the medium doubles the varia
 from __future__ import annotations
 
 import dataclasses
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,13 @@ class CloudKalmanOptions(Options):
         'rad/s^2',
         (0.0, 1e3),
     )
+    resting_frames: float = option(
+        20.0,
+        'frames for which a target stays at rest in the mean; 10000 for one that is fixed in the '
+        'frame of the positions',
+        '',
+        (1.0, 1e9),
+    )
     wrong_share: float = option(
         0.02, 'share of the positions that may be those of another thing', '', (1e-9, 0.5)
     )
@@ -80,6 +87,10 @@ class CloudKalmanFilter(Filter[_Memory]):
     options_class: ClassVar[type[Options]] = CloudKalmanOptions
     options: CloudKalmanOptions
 
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self._chain = ladder.switching(self.options.resting_frames)
+
     def spread(self, covariance: Array, medium: Array | None = None) -> Array:
         """Return the noise's part (..., 1, 3, 3), or that and the medium's (..., 2, 3, 3)."""
         if medium is None:
@@ -95,7 +106,7 @@ class CloudKalmanFilter(Filter[_Memory]):
         return _Memory(axes, free, wavy, _roughness(noise, medium), np.ones(position.shape[:-1]))
 
     def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
-        free = ladder.advance(memory.free, elapsed)
+        free = ladder.advance(memory.free, self._chain, elapsed)
         if memory.waves is None:
             return memory._replace(free=free)
         return memory._replace(free=free, waves=waves.advance(memory.waves, elapsed))

@@ -39,7 +39,7 @@ REST = 0
 #: Frames for which a target stays on a rung in the mean: longer where it is steady, as the lower
 #: rungs are told from each other the later.
 _DWELLS = np.where(INDICES < 0.1, 100.0, 20.0)
-_DWELLS[REST], _DWELLS[REST + 1] = 20.0, 200.0
+_DWELLS[REST + 1] = 200.0
 #: A rung further is that much rarer.
 _FARTHER = 0.5
 #: Deviation of the velocity at first on a rung, in those that it gains in a frame.
@@ -67,17 +67,25 @@ _DRIVEN = INDICES[:, None]
 _EVERY = np.ones(RUNGS)
 
 
-def _generator() -> Array:
-    """Return the rates (R, R) per frame at which a target changes from rung to rung."""
+class Switching(NamedTuple):
+    """Of the rungs' Markov chain: eigenvalues (R,) per frame, and projections (R, R * R).
+
+    The projections are transposed, so that they take the weights on as they stand.
+    """
+
+    rates: Array
+    projections: Array
+
+
+def switching(resting_frames: float) -> Switching:
+    """Return how a target changes from rung to rung that stays at rest for so many frames."""
+    dwells = _DWELLS.copy()
+    dwells[REST] = resting_frames
     apart = np.abs(np.subtract.outer(np.arange(RUNGS), np.arange(RUNGS)))
     shares = np.where(apart == 0, 0.0, _FARTHER**apart)
-    rates = shares / shares.sum(axis=1, keepdims=True) / _DWELLS[:, None]
-    return rates - np.diag(rates.sum(axis=1))
-
-
-_RATES, _SWITCHES = eigenbasis(_generator())
-# Transposed, so that they take the weights on as they stand.
-_SWITCHES = _SWITCHES.swapaxes(-1, -2).reshape(RUNGS, -1)
+    rates = shares / shares.sum(axis=1, keepdims=True) / dwells[:, None]
+    eigenvalues, projections = eigenbasis(rates - np.diag(rates.sum(axis=1)))
+    return Switching(eigenvalues, projections.swapaxes(-1, -2).reshape(RUNGS, -1))
 
 
 class Ladder(NamedTuple):
@@ -122,7 +130,7 @@ def start(position: Array, variance: Array) -> Ladder:
     return Ladder(places, nothing, variances, nothing, nothing, weights, variance, never, never)
 
 
-def advance(ladder: Ladder, elapsed: Seconds) -> Ladder:
+def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
     """Return the bank `elapsed` seconds later."""
     interval, speed_variances = ladder.interval, ladder.speed_variances
     new = np.equal(interval, 0.0)
@@ -133,7 +141,7 @@ def advance(ladder: Ladder, elapsed: Seconds) -> Ladder:
         first = per_frame[..., None, :] * _FIRST_SPEEDS
         speed_variances = np.where(beside(new, 2), first, speed_variances)
     frames = elapsed / interval
-    switch = np.exp(np.multiply.outer(frames, _RATES)).dot(_SWITCHES)
+    switch = np.exp(np.multiply.outer(frames, chain.rates)).dot(chain.projections)
     # To the row's rung from the column's.
     switch = switch.reshape(*switch.shape[:-1], RUNGS, RUNGS)
     weights = product(switch, ladder.weights)

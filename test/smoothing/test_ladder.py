@@ -53,7 +53,7 @@ def test_a_rung_by_itself_is_the_kalman_filter_of_its_index():
     now = ladder.start(PLACE, variance)
     weights = np.full_like(now.weights, 1e-300)
     weights[rung] = 1.0
-    random = np.random.default_rng(1)
+    chain, random = ladder.switching(20.0), np.random.default_rng(1)
     peer = PeerFilter(dim_x=2, dim_z=1)
     peer.H = np.array([[1.0, 0.0]])
     peer.R = np.array([[variance[0]]])
@@ -63,7 +63,7 @@ def test_a_rung_by_itself_is_the_kalman_filter_of_its_index():
     speed = max(100.0 * index, 1.0) * variance[0] / elapsed**2
     peer.x, peer.P = np.array([[PLACE[0]], [0.0]]), np.diag([variance[0], speed])
     for _ in range(20):
-        now = ladder.advance(now._replace(weights=weights), elapsed)
+        now = ladder.advance(now._replace(weights=weights), chain, elapsed)
         position = PLACE + random.normal(0.0, 3e-4, 3)
         # Far from the switches' prior, the rung keeps its own state but for a part in 20.
         peer.predict()
@@ -100,3 +100,23 @@ def test_gaps_and_jittering_stamps_are_taken_as_they_are():
     error = np.array([state.position for state in states]) - truth[kept]
     raw = (positions - truth)[kept]
     assert np.sqrt(np.mean(error[10:] ** 2)) < np.sqrt(np.mean(raw[10:] ** 2))
+
+
+def test_a_target_that_is_known_to_be_fixed_is_averaged():
+    # Nothing does better than the mean, whose error is honest as well.
+    count, deviation = 300, np.array([4e-4, 4e-4, 3e-3])
+    errors, means, squares = [], [], []
+    for seed in range(8):
+        noise = np.random.default_rng(seed).normal(0.0, deviation, (count, 3))
+        smoother = make_filter('cloud-kalman', resting_frames=1e4)
+        states = [
+            smoother.step(number / 30.0, PLACE + each, np.diag(deviation**2))
+            for number, each in enumerate(noise)
+        ]
+        error = np.array([state.position for state in states[30:]]) - PLACE
+        variance = np.array([np.diagonal(state.covariance)[:3] for state in states[30:]])
+        errors.append(error)
+        squares.append(np.mean(error**2 / variance))
+        means.append((np.cumsum(noise, axis=0) / np.arange(1, count + 1)[:, None])[30:])
+    assert np.sqrt(np.mean(np.square(errors))) < 1.1 * np.sqrt(np.mean(np.square(means)))
+    assert 0.5 < np.mean(squares) < 1.5
