@@ -85,7 +85,8 @@ def hovering(
     samples = iter(zip(ticks, odometer.samples(motion, ticks, rng), strict=True))
     options = PlatformOptions(source='odometry', mounting=mounting())
     platform = Platform(FixedFrameOptions(FIXED_FRAME, options))
-    smoother = make_smoother({})
+    # What docs/robot.md says to set for a target that stands still in the world.
+    smoother = make_smoother({'resting_frames': 1e4, 'max_turning': 0.0})
     sums = {name: (np.zeros((3, 3)), np.zeros(3)) for name in ('optimal', 'own')}
     result: dict[str, list[Array]] = {name: [] for name in Outcome.__annotations__}
     told = -1.0
