@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from binopos_ros.optics import CameraInfo, write_camera_info
@@ -10,6 +11,9 @@ from binopos_ros.sides import SIDES
 from binopos_ros.simulation.rig_motion import FIXED_FRAME, SeenFromRobot, mounting
 from binopos_ros.simulation.scene import Scene
 from binopos_ros.simulation.target import Disc
+
+#: Basins have no slower waves (rad/s).
+_BASIN = 2.0 * math.pi * 1.5
 
 
 def write_calibration(scene: Scene, infos: tuple[CameraInfo, CameraInfo], bag: Path) -> None:
@@ -38,6 +42,8 @@ def parameter_file(scene: Scene) -> str:
         if interface is not None:
             remarks = {'normal': frame, 'distance': 'm', 'thicknesses': 'm'}
             lines += interface_block(name, interface, remarks)
+    if rig.interface is not None and not rig.interface.thicknesses and not _swells(scene):
+        lines.append('    medium: basin  # no room for swell; auto: there may be')
     if not any(interface for interface, _ in blocks.values()):
         lines.append("    method: 'straight'")
     if isinstance(scene.target, Disc):
@@ -58,3 +64,8 @@ def parameter_file(scene: Scene) -> str:
             f'      mounting: {yaml_numbers(mounting())}  # x, y, z in m, qx, qy, qz, qw',
         ]
     return '\n'.join(lines) + '\n'
+
+
+def _swells(scene: Scene) -> bool:
+    """Whether there are waves that need more room than a basin has."""
+    return scene.waves is not None and scene.waves.angular_frequencies.min() < _BASIN

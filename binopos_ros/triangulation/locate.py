@@ -86,7 +86,7 @@ class Locator:
         if covariance is not None and self._estimator is None:
             check_parameters(rig, covariance)
         waves = options.watches_medium and may_wave(rig.interface)
-        self._meter = MediumMeter(rig) if waves else None
+        self._meter = MediumMeter(rig, swell=options.medium == 'auto') if waves else None
 
     @property
     def wave_level(self) -> float | None:

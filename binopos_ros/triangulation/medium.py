@@ -133,9 +133,11 @@ class MediumMeter:
 
     Args:
         rig: cameras, and the surface that both look through.
+        swell: whether there is room for waves that are too long to leave a miss.
     """
 
-    def __init__(self, rig: StereoRig) -> None:
+    def __init__(self, rig: StereoRig, swell: bool = True) -> None:
+        self._may_swell = swell
         surface = rig.interface
         assert surface is not None
         centre = -rig.rotation.T @ rig.translation
@@ -202,8 +204,8 @@ class MediumMeter:
         frequency = self.frequency
         # Long waves swing too slowly to count as noise.
         short = _NOTHING if frequency < _LONG_WAVES else self.level**2 * noise
-        if self.level > 0.0 and frequency >= _LONG_WAVES:
-            return Fluctuation(short, _NOTHING)
+        if not self._may_swell or (self.level > 0.0 and frequency >= _LONG_WAVES):
+            return Fluctuation(short, self._long(frequency, point, noise))
         height = float(self._normal.dot(point))
         bobbing = self._heights.add(
             stamp, height, float(self._normal.dot(noise).dot(self._normal))

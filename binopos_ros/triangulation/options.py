@@ -210,8 +210,9 @@ class LocatorOptions:
     medium: str = option(
         'auto',
         'auto: under a free surface the miss of the two rays tells how it waves, and the '
-        'covariance says so; still: nothing waves',
-        choices=('auto', 'still'),
+        'covariance says so, as of slow bobbing, which may be swell; basin: there is no room for '
+        'swell; still: nothing waves',
+        choices=('auto', 'basin', 'still'),
     )
     index: IndexOptions = field(default_factory=IndexOptions)
     target: DiscOptions = field(default_factory=DiscOptions)
@@ -227,7 +228,7 @@ class LocatorOptions:
     @property
     def watches_medium(self) -> bool:
         """Whether the miss of the two rays is asked how the medium waves."""
-        return self.medium == 'auto' and self.method == 'refractive'
+        return self.medium != 'still' and self.method == 'refractive'
 
     def estimator(
         self,

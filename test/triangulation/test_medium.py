@@ -22,7 +22,9 @@ def rig():
     return StereoRig(camera, camera, np.eye(3), [-BASIN.baseline, 0, 0], water)
 
 
-def seen_through(band, slope, seed, target=(0.1, 0.03, 1.1), speed=(0.0, 0.0, 0.0), count=300):
+def seen_through(
+    band, slope, seed, target=(0.1, 0.03, 1.1), speed=(0.0, 0.0, 0.0), count=300, swell=True
+):
     """Return truth, points, their covariances, the medium's parts and the meter."""
     random = np.random.default_rng(seed)
     stamps = np.arange(count) / 30.0
@@ -36,7 +38,7 @@ def seen_through(band, slope, seed, target=(0.1, 0.03, 1.1), speed=(0.0, 0.0, 0.
     left += random.normal(0.0, PIXEL, left.shape)
     right += random.normal(0.0, PIXEL, right.shape)
     found = triangulate(rig(), left, right, NOISE, NOISE)
-    meter = MediumMeter(rig())
+    meter = MediumMeter(rig(), swell)
     parts = [
         meter.add(float(t), miss, (NOISE, NOISE), point, covariance)
         for t, miss, point, covariance in zip(
@@ -76,10 +78,22 @@ def test_chop_is_told_by_its_frequency_and_its_covariance_covers_it():
 def test_calm_water_adds_next_to_nothing_however_the_target_moves(speed):
     start = (-0.1, -0.05, 1.05)
     for seed in range(3):
-        _, _, noise, parts, _ = seen_through((1.6, 6.0, 2.5), 0.0, seed, start, speed, count=120)
+        _, _, noise, parts, _ = seen_through(
+            (1.6, 6.0, 2.5), 0.0, seed, start, speed, count=120, swell=False
+        )
         added = np.array([part.short + part.long for part in parts])[90:]
         ratio = np.trace(added, axis1=1, axis2=2) / np.trace(noise[90:], axis1=1, axis2=2)
         assert np.median(ratio) < 0.5
+
+
+def test_a_target_that_goes_up_where_there_may_be_swell_is_stated_with_both_readings():
+    rising = (0.0, 0.0, 0.02)
+    _, points, noise, parts, _ = seen_through((1.6, 6.0, 2.5), 0.0, 1, speed=rising, count=150)
+    added = parts[-1].long
+    assert np.abs(parts[-1].short).max() < 0.5 * noise[-1, 2, 2]
+    assert added[2, 2] > np.var(points[:, 2])
+    # Sideways only as far as a slope takes it that goes with such a rise.
+    assert added[0, 0] < 0.01 * added[2, 2]
 
 
 def test_one_wrong_pair_is_no_wave():
