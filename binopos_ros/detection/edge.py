@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from .errors import DetectionError
 from .images import Frame
-from .profiles import DEPTHS, PROFILE_REACH, PROFILE_STEPS, PROFILES
+from .profiles import PROFILE_REACH, PROFILE_STEPS, depths, profiles
 from .target import Array, Ellipse
 from .window import Grid, Window
 
@@ -230,7 +230,7 @@ class EdgeFit:
         # By a table: a third of the time of exponentials.
         places = z.astype(np.intp)
         by_distance = self._rows_of_all[: 2 + OUTSIDE]
-        PROFILES.take(places, 1, by_distance, 'clip')
+        profiles().take(places, 1, by_distance, 'clip')
         scale: Grid | np.float32 = np.float32(1 / self._blur)
         by_distance[:4] *= scale if self._contrast is None else scale * self._contrast
         gradient /= steep
@@ -247,7 +247,7 @@ class EdgeFit:
         slopes[0] -= carried
         slopes[1] += carried
         # A ball's surface turns away towards its outline, and its lit side bends with it.
-        DEPTHS.take(places, 0, design[DEPTH], 'clip')
+        depths().take(places, 0, design[DEPTH], 'clip')
         t += 1
         steep *= t
         steep /= t - 1

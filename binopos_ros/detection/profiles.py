@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -14,14 +15,25 @@ PROFILE_REACH, PROFILE_STEPS = 6, 170
 what it rounds off is less than a camera does."""
 
 
-def _profiles() -> tuple[Grid, Grid]:
-    """By distance in blurs: the slope, what blur and profile change, the shares; and depth."""
+def _distances() -> Array:
     reach = PROFILE_REACH * PROFILE_STEPS
-    z = np.arange(-reach, reach + 1) / PROFILE_STEPS
+    return np.arange(-reach, reach + 1) / PROFILE_STEPS
+
+
+@cache
+def profiles() -> Grid:
+    """By distance in blurs: the slope, what blur and profile change, the shares."""
+    z = _distances()
     slope = np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
     share = np.array([math.erfc(each / math.sqrt(2)) / 2 for each in z])
     rows = [slope, z * slope, (z * z - 1) * slope, (z * z - 3) * z * slope, share, 1 - share]
-    return np.array(rows, np.float32), _blurred_roots(-z).astype(np.float32)
+    return np.array(rows, np.float32)
+
+
+@cache
+def depths() -> Grid:
+    """By distance in blurs: the depth of a ball's surface below its outline."""
+    return _blurred_roots(-_distances()).astype(np.float32)
 
 
 def _blurred_roots(depth: Array) -> Array:
@@ -32,6 +44,3 @@ def _blurred_roots(depth: Array) -> Array:
     kernel = np.exp(-0.5 * (depth[:, None] - s * s) ** 2) / math.sqrt(2 * math.pi)
     roots: Array = (kernel * (2 * s * s * step)).sum(1)
     return roots
-
-
-PROFILES, DEPTHS = _profiles()
