@@ -327,6 +327,9 @@ def test_the_camera_node_offers_the_right_camera_s_frame_under_the_left_one_s(
     end.start()
     try:
         assert any('recording /tf_static' in line for line in recorder.stderr)
+        from listening import await_received
+
+        await_received('/tf_static')
     finally:
         end.cancel()
         camera.send_signal(2)

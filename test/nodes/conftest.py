@@ -61,10 +61,12 @@ class NodeProcess:
         return self.wait()
 
     def wait(self, seconds: float = PATIENCE) -> tuple[int, str]:
-        """Wait for the process; exit status and stderr, without what it merely logs."""
+        """Wait for the process; exit status and stderr, without what decodes JPEGs here."""
         _, errors = self.process.communicate(timeout=seconds)
         lines = errors.splitlines(keepends=True)
-        return self.process.returncode, ''.join(x for x in lines if not x.startswith('[INFO]'))
+        return self.process.returncode, ''.join(
+            x for x in lines if 'JPEGs are decoded by' not in x
+        )
 
 
 class Peer:
