@@ -327,7 +327,7 @@ def test_the_camera_node_offers_the_right_camera_s_frame_under_the_left_one_s(
     end.start()
     try:
         assert any('recording /tf_static' in line for line in recorder.stderr)
-        from listening import await_received
+        from listening import await_received  # It needs ROS.
 
         await_received('/tf_static')
     finally:
@@ -337,7 +337,9 @@ def test_the_camera_node_offers_the_right_camera_s_frame_under_the_left_one_s(
         recorder.send_signal(2)
         recorder.communicate(timeout=20)
     with BagReader(tmp_path / 'frames') as reader:
-        (message,) = map(reader.decode, reader.messages(['/tf_static']))
+        message, *again = map(reader.decode, reader.messages(['/tf_static']))
+    # One that comes just as it is subscribed to may be delivered twice.
+    assert all(each == message for each in again)
     with BagReader(bag) as reader:
         simulated = reader.decode(next(reader.messages(['/tf_static'])))
     ((_, parent, child, place, turn),) = transforms_of(message)
