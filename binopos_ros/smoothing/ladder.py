@@ -132,29 +132,23 @@ def start(position: Array, variance: Array) -> Ladder:
 
 def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
     """Return the bank `elapsed` seconds later."""
-    interval, speed_variances = ladder.interval, ladder.speed_variances
+    interval = ladder.interval
     new = np.equal(interval, 0.0)
     if new.any():
         # Of the velocity is known what two positions can say of it.
         interval = np.where(new, np.clip(elapsed, *_INTERVALS), interval)[()]
         per_frame = ladder.variance / beside(interval * interval, 1)
         first = per_frame[..., None, :] * _FIRST_SPEEDS
-        speed_variances = np.where(beside(new, 2), first, speed_variances)
+        speed_variances = np.where(beside(new, 2), first, ladder.speed_variances)
+        ladder = ladder._replace(speed_variances=speed_variances)
     frames = elapsed / interval
     switch = np.exp(np.multiply.outer(frames, chain.rates)).dot(chain.projections)
     # To the row's rung from the column's.
     switch = switch.reshape(*switch.shape[:-1], RUNGS, RUNGS)
     weights = product(switch, ladder.weights)
     share = 1.0 / weights
-    # About the first rung's position, so that squares of positions do not swamp variances.
     origin = ladder.places[..., :1, :]
-    p, v = ladder.places - origin, ladder.speeds
-    of_p, of_v = ladder.weights * p, ladder.weights * v
-    place = product(switch, of_p) * share
-    speed = product(switch, of_v) * share
-    pp = product(switch, ladder.weights * ladder.place_variances + of_p * p) * share
-    pv = product(switch, ladder.weights * ladder.covariances + of_p * v) * share
-    vv = product(switch, ladder.weights * speed_variances + of_v * v) * share
+    place, speed, pp, pv, vv = (product(switch, each) * share for each in _moments(ladder, origin))
     pp -= place * place
     pv -= place * speed
     vv -= speed * speed
@@ -174,6 +168,18 @@ def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
     vv += beside(frames * rate * rate, 2) * driven
     since = ladder.since + elapsed
     return Ladder(place, speed, pp, pv, vv, weights, ladder.variance, interval, since)
+
+
+def _moments(ladder: Ladder, origin: Array) -> tuple[Array, ...]:
+    """Return each rung's share in the first and second moments of p and v, (..., R, 3) each.
+
+    They are about `origin` (..., 1, 3), m, so that squares of positions do not swamp variances.
+    """
+    weights, p, v = ladder.weights, ladder.places - origin, ladder.speeds
+    of_p, of_v = weights * p, weights * v
+    pp = weights * ladder.place_variances + of_p * p
+    pv = weights * ladder.covariances + of_p * v
+    return of_p, of_v, pp, pv, weights * ladder.speed_variances + of_v * v
 
 
 class Reading(NamedTuple):
@@ -218,10 +224,13 @@ def correct(
         astray = np.logical_or.reduce(far, axis=-1)
         # No rung may say that the target got further than it can.
         farthest = np.where(astray[..., None, None], (reach * reach)[..., None, :], np.inf)
-        seen, total = _weighed(ladder.weights, apart, np.minimum(a, farthest) + own)
+        seen, likelihoods = _weighed(ladder.weights, apart, np.minimum(a, farthest) + own)
+        # Of each axis, in logarithms.
+        total, least = (each[..., 0, :] for each in likelihoods)
+        likelihood = (np.log(total) - 0.5 * (least + _LOG_TWO_PI)).sum(axis=-1)
         radius = np.sqrt(((distance / narrow) ** 2).sum(axis=-1))
         wrong = _LOG_DENSITY - 3.0 * np.log(radius) - np.log(narrow).sum(axis=-1)
-        odds = np.exp(np.clip(wrong - total.sum(axis=-1), -700, 700))
+        odds = np.exp(np.clip(wrong - likelihood, -700, 700))
         odds *= wrong_share / (1.0 - wrong_share)
         certainty = np.where(astray, 1.0 / (1.0 + odds), 1.0)
         sure = certainty[..., None, None]
@@ -253,8 +262,10 @@ def _over_rungs(values: Array) -> Array:
     return product(_EVERY, values)
 
 
-def _weighed(weights: Array, apart: Array, variance: Array) -> tuple[Array, Array]:
-    """Return the rungs' probabilities after a position, and log likelihoods (..., 3).
+def _weighed(weights: Array, apart: Array, variance: Array) -> tuple[Array, tuple[Array, Array]]:
+    """Return the rungs' probabilities after a position, and what its likelihood is made of.
+
+    That is their sum in units of the best rung's, and that one's exponent, (..., 1, 3) each.
 
     `apart` and `variance` (..., R, 3) are what it is off each rung's prediction, and was to be.
     """
@@ -268,7 +279,7 @@ def _weighed(weights: Array, apart: Array, variance: Array) -> tuple[Array, Arra
     seen *= weights
     total = np.add.reduce(seen, axis=-2, keepdims=True)
     seen /= total
-    return seen, (np.log(total) - 0.5 * (least + _LOG_TWO_PI))[..., 0, :]
+    return seen, (total, least)
 
 
 def mean_position(ladder: Ladder) -> Array:
@@ -283,12 +294,10 @@ def moments(ladder: Ladder) -> tuple[Array, Array]:
     In rows: position and velocity; the position's variances, covariances, the velocity's.
     """
     origin = ladder.places[..., :1, :]
-    p, v = ladder.places - origin, ladder.speeds
-    of_p, of_v = ladder.weights * p, ladder.weights * v
-    place, speed = _over_rungs(of_p), _over_rungs(of_v)
-    pp = _over_rungs(ladder.weights * ladder.place_variances + of_p * p) - place * place
-    pv = _over_rungs(ladder.weights * ladder.covariances + of_p * v) - place * speed
-    vv = _over_rungs(ladder.weights * ladder.speed_variances + of_v * v) - speed * speed
+    place, speed, pp, pv, vv = map(_over_rungs, _moments(ladder, origin))
+    pp -= place * place
+    pv -= place * speed
+    vv -= speed * speed
     means = np.stack((place + origin[..., 0, :], speed), axis=-2)
     return means, np.stack((pp, pv, vv), axis=-2)
 

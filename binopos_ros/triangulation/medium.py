@@ -107,7 +107,6 @@ class _Heights:
         past.append((stamp, height))
         lag = stamp - past[0][0]
         if lag < 0.5 * _LAG:
-            self._mean = self._mean if self._count else height
             return 0.0, 0.0
         elapsed = stamp - past[-2][0]
         fading = math.exp(-elapsed / _COLOUR_MEMORY)
@@ -204,15 +203,12 @@ class MediumMeter:
         frequency = self.frequency
         # Long waves swing too slowly to count as noise.
         short = _NOTHING if frequency < _LONG_WAVES else self.level**2 * noise
-        if not self._may_swell or (self.level > 0.0 and frequency >= _LONG_WAVES):
-            return Fluctuation(short, self._long(frequency, point, noise))
-        height = float(self._normal.dot(point))
-        bobbing = self._heights.add(
-            stamp, height, float(self._normal.dot(noise).dot(self._normal))
-        )
-        return Fluctuation(
-            short, self._long(frequency, point, noise) + self._raised(height, *bobbing)
-        )
+        long = self._long(frequency, point, noise)
+        if self._may_swell and not (self.level > 0.0 and frequency >= _LONG_WAVES):
+            height = float(self._normal.dot(point))
+            along_normal = float(self._normal.dot(noise).dot(self._normal))
+            long = long + self._raised(height, *self._heights.add(stamp, height, along_normal))
+        return Fluctuation(short, long)
 
     def _signed_miss(self, residuals: Array, covs: tuple[Array, Array]) -> float:
         """Return the rays' miss in deviations of pixel noise."""
