@@ -21,6 +21,7 @@ from binopos_ros.bag.messages import (
     transforms_of,
 )
 from binopos_ros.cli.simulated_bag import START_NS
+from verbs import binopos
 
 pytestmark = pytest.mark.xdist_group('moving_robot')
 
@@ -28,16 +29,6 @@ PAIRS = 40
 ODOMETRY = '/stereo/platform/odometry'
 #: The simulated odometry's own, in radians.
 KNOWN = ('platform.position_std:=0.002', 'platform.rotation_std:=0.0017453')
-
-
-def binopos(*words: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, '-m', 'binopos_ros', *map(str, words)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=240,
-    )
 
 
 @pytest.fixture(scope='module')
