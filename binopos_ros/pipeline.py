@@ -7,6 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from binopos_ros.arrivals import ArrivalOptions
 from binopos_ros.detection import (
     DetectionError,
@@ -22,6 +25,8 @@ from binopos_ros.platform import FixedFrameOptions, Platform, WaitingRoom
 from binopos_ros.smoothing.stage import Pose, make_smoother
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -132,11 +137,10 @@ class Pipeline:
         elif not static:
             yield from self._smooth_ready(transform[0])
 
-    def add_odometry(
-        self, stamp: int, frames: tuple[str, str], pose: tuple[Any, Any], covariance: Any
-    ) -> Iterator[Event]:
-        """Take the robot's pose in: fixed and child frame, position (m) and quaternion, (6, 6)."""
-        reason = self._platform.odometry.add(stamp, *frames, *pose, covariance)
+    def add_odometry(self, sample: tuple[int, str, str, Any, Any, Any]) -> Iterator[Event]:
+        """Take the robot's pose in: stamp (ns), frame, child, position (m), quaternion, (6, 6)."""
+        stamp = sample[0]
+        reason = self._platform.odometry.add(*sample)
         if reason:
             yield Dropped(stamp, f'platform: {reason}', of_pair=False)
         yield from self._smooth_ready(stamp)
@@ -155,12 +159,8 @@ class Pipeline:
                 self._waiting.add(result, result.stamp, result.frame_id, result.stamp * 1e-9)
                 yield from self._smooth_ready(result.stamp)
                 continue
-            pose, reason = self._smoother.add(
-                result.stamp, result.point, result.covariance, result.systematic, result.medium
-            )
-            yield Located(result, pose, result.frame_id)
-            if reason:
-                yield Dropped(result.stamp, f'smoother: {reason}')
+            measured = (result.point, result.covariance, result.systematic, result.medium)
+            yield from self._filtered(result, result.frame_id, *measured)
 
     def _smooth_ready(self, stamp: int) -> Iterator[Event]:
         """Smooth what has waited for the robot's pose until this stamp (ns)."""
@@ -176,10 +176,22 @@ class Pipeline:
             placed = rig.carry(
                 position.point, position.covariance, position.systematic, position.medium
             )
-            pose, reason = self._smoother.add(position.stamp, *placed)
-            yield Located(position, pose, self._platform.options.fixed_frame)
-            if reason:
-                yield Dropped(position.stamp, f'smoother: {reason}')
+            yield from self._filtered(position, self._platform.options.fixed_frame, *placed)
+
+    def _filtered(
+        self,
+        position: Position,
+        frame_id: str,
+        point: Array,
+        covariance: Array,
+        systematic: Array | None,
+        medium: Array | None,
+    ) -> Iterator[Event]:
+        """Filter a position as it is in a frame: its point, covariance and the parts of that."""
+        pose, reason = self._smoother.add(position.stamp, point, covariance, systematic, medium)
+        yield Located(position, pose, frame_id)
+        if reason:
+            yield Dropped(position.stamp, f'smoother: {reason}')
 
 
 def make_platform(values: Mapping[str, Any]) -> Platform:

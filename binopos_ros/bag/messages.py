@@ -213,6 +213,20 @@ def transforms_of(message: Any) -> list[tuple[int, str, str, Vector, Quaternion]
     return told
 
 
+def odometry_of(
+    message: Any,
+) -> tuple[int, str, str, list[float], Quaternion, NDArray[np.float64]]:
+    """Stamp (ns), frame, child frame, position (m), quaternion and covariance of an Odometry."""
+    return (
+        stamp_of(message),
+        str(message.header.frame_id),
+        str(message.child_frame_id),
+        position_of(message).tolist(),
+        orientation_of(message),
+        covariance_of(message),
+    )
+
+
 def orientation_of(message: Any) -> Quaternion:
     """Quaternion x, y, z, w of a PoseWithCovarianceStamped or an Odometry."""
     turn = message.pose.pose.orientation

@@ -112,14 +112,7 @@ def _placed(
 
 def _tell(platform: Platform, kind: str, message: Any) -> None:
     if kind == 'odometry':
-        platform.odometry.add(
-            messages.stamp_of(message),
-            str(message.header.frame_id),
-            str(message.child_frame_id),
-            messages.position_of(message).tolist(),
-            messages.orientation_of(message),
-            messages.covariance_of(message),
-        )
+        platform.odometry.add(*messages.odometry_of(message))
         return
     for each in messages.transforms_of(message):
         platform.tree.add(*each, static=kind == 'static transforms')

@@ -250,12 +250,7 @@ def _moved(item: _Motion, pipeline: Pipeline) -> Iterator[Event]:
     """Tell the pipeline how the robot moves."""
     message = item.message
     if item.kind == 'odometry':
-        yield from pipeline.add_odometry(
-            messages.stamp_of(message),
-            (str(message.header.frame_id), str(message.child_frame_id)),
-            (messages.position_of(message).tolist(), messages.orientation_of(message)),
-            messages.covariance_of(message),
-        )
+        yield from pipeline.add_odometry(messages.odometry_of(message))
         return
     for transform in messages.transforms_of(message):
         yield from pipeline.add_transform(transform, static=item.kind == 'static transforms')

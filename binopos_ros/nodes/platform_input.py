@@ -9,13 +9,7 @@ from typing import Any
 
 from nav_msgs.msg import Odometry
 
-from binopos_ros.bag.messages import (
-    covariance_of,
-    orientation_of,
-    position_of,
-    stamp_of,
-    transforms_of,
-)
+from binopos_ros.bag.messages import odometry_of, transforms_of
 from binopos_ros.nodes.shell import StageNode
 from binopos_ros.nodes.transforms import TF, TF_STATIC, latched, tf_message
 from binopos_ros.platform import Platform
@@ -61,15 +55,7 @@ class PlatformInput:
 
     def _on_odometry(self, message: Odometry) -> None:
         self._received += 1
-        reason = self._platform.odometry.add(
-            stamp_of(message),
-            message.header.frame_id,
-            message.child_frame_id,
-            position_of(message).tolist(),
-            orientation_of(message),
-            covariance_of(message),
-        )
-        self._refuse(reason)
+        self._refuse(self._platform.odometry.add(*odometry_of(message)))
         self._moved()
 
     def _on_transforms(self, static: bool, message: Any) -> None:
