@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import fcntl
 import os
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 PROJECT = Path(__file__).resolve().parent.parent
+#: Seconds that processes have to end after a test.
+PATIENCE = 10.0
 #: Variables through which Python and ROS find packages.
 OF_ROS = ('AMENT_PREFIX_PATH', 'LD_LIBRARY_PATH', 'PYTHONPATH')
 
@@ -56,13 +60,41 @@ def locked_domain() -> Iterator[int]:
 
 
 @pytest.fixture
-def ros_domain(locked_domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> int:
-    """A ROS domain that no other test on this machine talks on, confined to this machine."""
+def ros_domain(
+    locked_domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Iterator[int]:
+    """A ROS domain that no other test on this machine talks on, confined to this machine.
+
+    A test that leaves a process there fails: the next one would hear it.
+    """
     pytest.importorskip('rclpy', reason='rclpy is not installed')
     monkeypatch.setenv('ROS_DOMAIN_ID', str(locked_domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'ros_log'))
-    return locked_domain
+    yield locked_domain
+    deadline = time.monotonic() + PATIENCE
+    while (left := _started_with('ROS_LOG_DIR', str(tmp_path / 'ros_log'))) and (
+        time.monotonic() < deadline
+    ):
+        time.sleep(0.02)
+    for pid in left:
+        os.kill(pid, signal.SIGKILL)
+    assert not left, f'processes were left running: {left}'
+
+
+def _started_with(name: str, value: str) -> dict[int, str]:
+    """Other processes that began with a variable of that value: id -> command line."""
+    found = {}
+    for entry in Path('/proc').glob('[0-9]*'):
+        try:
+            variables = (entry / 'environ').read_bytes().split(b'\0')
+            words = (entry / 'cmdline').read_bytes().replace(b'\0', b' ').decode()
+        except OSError:
+            continue
+        # One that has ended and that nobody has waited for has no command line.
+        if f'{name}={value}'.encode() in variables and words and int(entry.name) != os.getpid():
+            found[int(entry.name)] = words
+    return found
 
 
 @pytest.fixture(scope='session')

@@ -186,7 +186,7 @@ def _started(words: Sequence[str], stdin: int) -> tuple[subprocess.Popen[bytes],
     os.set_blocking(reading, False)
     os.set_blocking(writing, False)
     environment = {**os.environ, **transport_environment()}
-    environment |= {SUPERVISED: '1', HEARTBEAT: str(writing)}
+    environment |= {SUPERVISED: str(os.getpid()), HEARTBEAT: str(writing)}
     process = subprocess.Popen(
         [sys.executable, STARTER, *words],
         # Ctrl-C in the terminal reaches the supervisor alone, which then ends them in order.

@@ -11,7 +11,7 @@ import signal
 import time
 from pathlib import Path
 
-#: Environment variable that a supervisor sets for its children.
+#: Environment variable in which a supervisor gives its children its process id.
 SUPERVISED = 'BINOPOS_SUPERVISED'
 #: Environment variable with the descriptor of the pipe that a node beats into.
 HEARTBEAT = 'BINOPOS_HEARTBEAT'
@@ -36,6 +36,9 @@ def prepare() -> None:
         signal.signal(number, lambda *_: os._exit(0))
     if is_supervised():
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        if str(os.getppid()) != os.environ[SUPERVISED]:
+            # Killed while this process was starting up: no signal comes for that any more.
+            os._exit(0)
 
 
 class Heart:

@@ -187,6 +187,16 @@ def test_a_supervisor_that_is_killed_leaves_no_node_behind(suite):
     running.wait_for(lambda: not Path(f'/proc/{pid}').exists(), 'the end of the node')
 
 
+@pytest.mark.parametrize('late', [0.0, 0.02, 0.05, 0.1, 0.3])
+def test_nor_does_one_that_is_killed_while_a_node_starts(ros_domain, late):
+    """Then no signal tells the node of it; the fixture sees to it that none stays."""
+    starting = (
+        'import os, time; from binopos_ros.cli.supervisor import Supervisor;'
+        f'Supervisor(["smoother"]).start(); time.sleep({late}); os._exit(1)'
+    )
+    assert subprocess.run([sys.executable, '-c', starting], check=False).returncode == 1
+
+
 def test_single_process_composes_all_nodes_in_one(suite):
     running = suite('--nodes', 'detector', 'smoother', '--single-process')
     running.wait_for(lambda: running.is_up({'detector'}), 'the start')

@@ -43,9 +43,9 @@ def test_it_allows_what_the_running_nodes_publish_hear_and_answer(start, peer, p
     }
     assert set(NODES) <= set(profiles)
     start(*STARTED, parameters={'triangulator': {'method': 'straight'}})
+    every = {(name, '/stereo') for name in STARTED}
     peer.wait_for(
-        lambda: peer.node.count_publishers('/stereo/target/pose') == 1
-        and ('smoother', '/stereo') in peer.node.get_node_names_and_namespaces(),
+        lambda: every <= set(peer.node.get_node_names_and_namespaces()),
         'the nodes',
     )
     done = {}
