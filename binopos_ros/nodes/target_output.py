@@ -67,14 +67,17 @@ class TargetOutput:
             pose.stamp, frame_id, state.position, state.covariance[:3, :3]
         )
         self._pose.publish(message)
-        self._plain.publish(PoseStamped(header=message.header, pose=message.pose.pose))
-        odometry = Odometry(
-            header=message.header, child_frame_id=options.child_frame, pose=message.pose
-        )
-        linear = odometry.twist.twist.linear
-        linear.x, linear.y, linear.z = (float(value) for value in state.velocity)
-        odometry.twist.covariance = pose_covariance(state.covariance[3:, 3:]).ravel()
-        self._odometry.publish(odometry)
+        # A message that nobody hears costs as much as one that somebody does.
+        if self._plain.get_subscription_count() > 0:
+            self._plain.publish(PoseStamped(header=message.header, pose=message.pose.pose))
+        if self._odometry.get_subscription_count() > 0:
+            odometry = Odometry(
+                header=message.header, child_frame_id=options.child_frame, pose=message.pose
+            )
+            linear = odometry.twist.twist.linear
+            linear.x, linear.y, linear.z = (float(value) for value in state.velocity)
+            odometry.twist.covariance = pose_covariance(state.covariance[3:, 3:]).ravel()
+            self._odometry.publish(odometry)
         if self._tf_message is not None:
             there = transform(pose.stamp, frame_id, options.child_frame, state.position)
             self._tf.publish(self._tf_message(transforms=[there]))

@@ -90,11 +90,12 @@ class TriangulatorNode(StageNode):
                 if part is not None:
                     self._publish(name, result, part)
             self._publish('position', result, result.covariance)
-            index = Vector3Stamped(header=messages.header(result.stamp, result.frame_id))
-            index.vector.x = result.index.mean
-            index.vector.y = result.index.std
-            index.vector.z = float(result.index.observed)
-            self._index.publish(index)
+            if self._index.get_subscription_count() > 0:
+                index = Vector3Stamped(header=messages.header(result.stamp, result.frame_id))
+                index.vector.x = result.index.mean
+                index.vector.y = result.index.std
+                index.vector.z = float(result.index.observed)
+                self._index.publish(index)
             self._newest = result.index
             self._diagnostics.published += 1
             self._diagnostics.pairs.settle()

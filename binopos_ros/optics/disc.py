@@ -4,9 +4,10 @@ They differ: what is nearer is seen larger, and refraction bends the outline out
 At a tilt of 60 degrees and 40 px across the difference is some tenths of a pixel.
 
 How large it is depends on where the disc is and how it lies, which is known only when both images
-have been brought together. So this is applied where positions are made: triangulate the outlines'
-centres, take the offsets at that position, and triangulate again. The first position is wrong by
-less than a thousandth of the distance, so its offsets are right to a thousandth of themselves.
+have been brought together. So this is applied where positions are made: take the offsets where
+the rays through the outlines' centres all but meet, and triangulate what is left without them.
+That place is wrong by less than a thousandth of the distance, so its offsets are right to a
+thousandth of themselves.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ def to_disc_centres(
 ) -> list[Array]:
     """Shift outlines' centres, (2,) px for each camera, to the images of the disc's centre.
 
-    position (3,) m is where the outlines' centres meet, normal (3,) the disc's, diameter in m.
-    Raises OpticsError where the disc is not seen whole from there.
+    position (3,) m is where the rays of the outlines' centres meet, normal (3,) the disc's,
+    diameter in m. Raises OpticsError where the disc is not seen whole from there.
     """
     offsets = outline_offsets(project, position, normal, diameter)
     return [

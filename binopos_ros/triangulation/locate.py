@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.optics import OpticsError, StereoRig
+from binopos_ros.optics.arithmetic import FLOATS, NoRayError
 from binopos_ros.optics.ball import ball_outline_offsets
 from binopos_ros.optics.disc import to_disc_centres
 from binopos_ros.triangulation.index import DIFFERENT_POINTS
 from binopos_ros.triangulation.medium import MediumMeter, may_wave
+from binopos_ros.triangulation.meeting import midpoint
 from binopos_ros.triangulation.options import LocatorOptions
 from binopos_ros.triangulation.triangulate import (
     check_parameters,
@@ -106,8 +108,11 @@ class Locator:
         if self._options.target.diameter > 0:
             try:
                 views = self._centred(views)
+            except NoRayError as no_ray:
+                return str(no_ray)
             except OpticsError as error:
-                return str(error)
+                # Where the pair itself meets nowhere, that is the reason.
+                return str(triangulate(self.rig, *views).reasons or error)
         found = self._followed(stamp, views) if self._estimator else self._found(views)
         if isinstance(found, str):
             return found
@@ -147,19 +152,24 @@ class Locator:
         return Place(state.point, state.noise, None, systematic, index), state.residuals
 
     def _centred(self, views: Views) -> Views:
-        """The images of the target's centre instead of the outlines' centres."""
-        found = triangulate(self.rig, *views)
-        if found.reasons:
-            # It will be told where the pair itself is triangulated.
-            return views
+        """The images of the target's centre instead of the outlines' centres.
+
+        Raises:
+            NoRayError: a pixel has no ray, or the rays do not meet.
+            OpticsError: the target is not seen whole from where they meet.
+        """
+        (u, v), (right_u, right_v) = views[0].tolist(), views[1].tolist()
+        rays = (
+            self.rig.left_view.ray(u, v, FLOATS),
+            self.rig.right_view.ray(right_u, right_v, FLOATS),
+        )
+        near = np.array(midpoint(*rays, FLOATS)[0])
         target = self._options.target
         if target.shape == 'ball':
-            offsets = ball_outline_offsets(self.rig.project, found.points, target.diameter)
+            offsets = ball_outline_offsets(self.rig.project, near, target.diameter)
             return views[0] - offsets[0], views[1] - offsets[1], views[2], views[3]
         nearest = self.rig.interface or self.rig.left_port
         flat = nearest.normal if nearest is not None else np.array([0.0, 0.0, 1.0])
         normal = np.array(target.normal) if target.normal else flat
-        left, right = to_disc_centres(
-            self.rig.project, views[:2], found.points, normal, target.diameter
-        )
+        left, right = to_disc_centres(self.rig.project, views[:2], near, normal, target.diameter)
         return left, right, views[2], views[3]
