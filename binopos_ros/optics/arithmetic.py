@@ -28,6 +28,9 @@ class Arithmetic(NamedTuple):
         sqrt: square root.
         maximum: larger of two.
         minimum: smaller of two.
+        arctan: arc tangent.
+        tan: tangent.
+        where: where(condition, a, b) is a where the condition holds, elsewhere b.
         any: whether a condition holds anywhere.
         keep: keep(value, condition, reason) is the value where the condition holds; elsewhere nan
             (arrays) or NoRayError(reason) (floats).
@@ -37,6 +40,9 @@ class Arithmetic(NamedTuple):
     sqrt: Callable[[Component], Component]
     maximum: Callable[[Component, Component], Component]
     minimum: Callable[[Component, Component], Component]
+    arctan: Callable[[Component], Component]
+    tan: Callable[[Component], Component]
+    where: Callable[[Component, Component, Component], Component]
     any: Callable[[Component], bool]
     keep: Callable[[Component, Component, str], Component]
 
@@ -53,5 +59,11 @@ def _keep_float(value: float, condition: bool, reason: str) -> float:
     return value
 
 
-ARRAYS = Arithmetic(np.sqrt, np.maximum, np.minimum, np.any, _keep_elements)
-FLOATS = Arithmetic(math.sqrt, max, min, bool, _keep_float)
+def _where_float(condition: bool, value: float, otherwise: float) -> float:
+    return value if condition else otherwise
+
+
+ARRAYS = Arithmetic(
+    np.sqrt, np.maximum, np.minimum, np.arctan, np.tan, np.where, np.any, _keep_elements
+)
+FLOATS = Arithmetic(math.sqrt, max, min, math.atan, math.tan, _where_float, bool, _keep_float)

@@ -1,4 +1,4 @@
-"""A pinhole camera with a Brown lens: points to pixels and back (Eq. 1-3 of the paper).
+"""A camera with one centre and its lens: points to pixels and back (Eq. 1-3 of the paper).
 
 The camera frame is the optical frame of REP-103: x right, y down, z forward. Pixels have the
 centre of the upper-left pixel at (0, 0), as OpenCV and ROS have it.
@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic, Component
-from binopos_ros.optics.distortion import OUT_OF_FIELD, Distortion
+from binopos_ros.optics.distortion import OUT_OF_FIELD
 from binopos_ros.optics.errors import OpticsError
+from binopos_ros.optics.lens import BROWN, LENSES, Lens
 
 FloatArray = NDArray[np.float64]
 
@@ -23,30 +24,43 @@ class PinholeCamera:
 
     Args:
         matrix: (3, 3) intrinsic matrix K (Eq. 3), pixels; K[0, 1] is the skew.
-        distortion: 0, 4, 5, 8, 12 or 14 OpenCV terms (see `distortion.py`).
+        distortion: 0, 4, 5, 8, 12 or 14 OpenCV terms (see `distortion.py`), or the four of an
+            equidistant lens (see `equidistant.py`).
         size: image width and height, pixels.
+        model: of the lens, 'brown' or 'equidistant'.
 
     Raises:
         OpticsError: the camera is uncalibrated (K all zero) or one of the three is impossible.
 
     """
 
-    def __init__(self, matrix: ArrayLike, distortion: ArrayLike, size: ArrayLike) -> None:
+    def __init__(
+        self, matrix: ArrayLike, distortion: ArrayLike, size: ArrayLike, model: str = BROWN
+    ) -> None:
         self.matrix = _intrinsic(matrix)
-        self.lens = Distortion(distortion)
+        if model not in LENSES:
+            msg = f'there is no lens {model!r}: choose from {", ".join(LENSES)}'
+            raise OpticsError(msg)
+        self.lens: Lens = LENSES[model](distortion)
         self.size = _image_size(size)
         (self._fx, self._skew, self._cx), (_, self._fy, self._cy), _ = self.matrix.tolist()
 
     def __repr__(self) -> str:
         return (
             f'PinholeCamera(f=({self._fx:g}, {self._fy:g}) px, centre=({self._cx:g}, {self._cy:g})'
-            f' px, {self.lens.coefficients.size} distortion terms, {self.size[0]}x{self.size[1]})'
+            f' px, {self.model} lens of {self.lens.coefficients.size} terms,'
+            f' {self.size[0]}x{self.size[1]})'
         )
 
     @property
     def distortion(self) -> FloatArray:
         """The distortion terms as given, in OpenCV's order."""
         return self.lens.coefficients
+
+    @property
+    def model(self) -> str:
+        """The name of the lens's model."""
+        return self.lens.model
 
     def project(self, points: ArrayLike) -> FloatArray:
         """Project points of the camera frame, straight.
@@ -85,22 +99,24 @@ class PinholeCamera:
         self, x: Component, y: Component, z: Component, arithmetic: Arithmetic = ARRAYS
     ) -> tuple[Component, Component]:
         """Return the image-plane coordinates of a direction, kept to the lens's field."""
-        z = arithmetic.keep(z, z > 0.0, 'behind the camera')
+        z = arithmetic.keep(z, z > 0.0, self.lens.behind)
         x, y = x / z, y / z
         if self.lens.fold_radius_squared < math.inf:
             x = arithmetic.keep(x, self.lens.within_fold(x, y), OUT_OF_FIELD)
         return x, y
 
-    def pixels(self, x: Component, y: Component) -> tuple[Component, Component]:
+    def pixels(
+        self, x: Component, y: Component, arithmetic: Arithmetic = ARRAYS
+    ) -> tuple[Component, Component]:
         """Put ideal image-plane coordinates on the sensor; the caller has checked the fold."""
-        x, y = self.lens.distort(x, y)
+        x, y = self.lens.distort(x, y, arithmetic)
         return self._fx * x + self._skew * y + self._cx, self._fy * y + self._cy
 
     def pixels_with_jacobian(
-        self, x: Component, y: Component
+        self, x: Component, y: Component, arithmetic: Arithmetic = ARRAYS
     ) -> tuple[Component, Component, Component, Component, Component, Component]:
         """Return u, v, and du/dx, du/dy, dv/dx, dv/dy."""
-        x, y, xx, xy, yx, yy = self.lens.distort_with_jacobian(x, y)
+        x, y, xx, xy, yx, yy = self.lens.distort_with_jacobian(x, y, arithmetic)
         return (
             self._fx * x + self._skew * y + self._cx,
             self._fy * y + self._cy,

@@ -10,11 +10,20 @@ from numpy.typing import NDArray
 
 from binopos_ros.optics.camera import PinholeCamera
 from binopos_ros.optics.errors import OpticsError
+from binopos_ros.optics.lens import BROWN, EQUIDISTANT
 
 FloatArray = NDArray[np.float64]
 PathLike = str | os.PathLike[str]
 
-BROWN_MODELS = ('plumb_bob', 'rational_polynomial', 'thin_prism', '')
+#: What the lens models of `PinholeCamera` are called in files and messages.
+LENS_OF_MODEL = {
+    'plumb_bob': BROWN,
+    'rational_polynomial': BROWN,
+    'thin_prism': BROWN,
+    '': BROWN,
+    'equidistant': EQUIDISTANT,
+    'fisheye': EQUIDISTANT,
+}
 OFF_CENTRE = 0.25  # of the image's size: farther than this the principal point is suspicious
 
 
@@ -45,8 +54,8 @@ class CameraInfo:
         name: the camera's name.
         width: of the full image, pixels.
         height: of the full image, pixels.
-        distortion_model: 'plumb_bob' or 'rational_polynomial'.
-        d: distortion terms, OpenCV's order.
+        distortion_model: 'plumb_bob', 'rational_polynomial' or 'equidistant'.
+        d: distortion terms, OpenCV's order; four where equidistant.
         k: 9 numbers, the intrinsic matrix row by row.
         r: 9 numbers, the rectifying rotation row by row.
         p: 12 numbers, the projection matrix row by row.
@@ -70,13 +79,13 @@ class CameraInfo:
         """Return the camera of the images as published, binning and region of interest applied.
 
         Raises:
-            OpticsError: uncalibrated, a lens model other than Brown's, or impossible numbers.
+            OpticsError: uncalibrated, an unknown lens model, or impossible numbers.
 
         """
-        if self.distortion_model not in BROWN_MODELS:
+        if self.distortion_model not in LENS_OF_MODEL:
             msg = (
                 f'camera {self.name!r}: distortion model {self.distortion_model!r} is not'
-                ' supported; calibrate with plumb_bob or rational_polynomial'
+                ' supported; calibrate with plumb_bob, rational_polynomial or equidistant'
             )
             raise OpticsError(msg)
         matrix = np.array(self.k, dtype=float).reshape(3, 3)
@@ -89,7 +98,12 @@ class CameraInfo:
             matrix[0] /= horizontal
             matrix[1] /= vertical
         try:
-            camera = PinholeCamera(matrix, self.d, (width // horizontal, height // vertical))
+            camera = PinholeCamera(
+                matrix,
+                self.d,
+                (width // horizontal, height // vertical),
+                LENS_OF_MODEL[self.distortion_model],
+            )
         except (OpticsError, np.linalg.LinAlgError) as error:
             msg = f'camera {self.name!r}: {error}'
             raise OpticsError(msg) from None

@@ -26,7 +26,7 @@ OUT_OF_FIELD = "beyond the lens's field (its distortion folds over)"
 
 
 class Distortion:
-    """A lens's distortion on the image plane.
+    """A lens's distortion on the image plane (see `lens.Lens`).
 
     Args:
         coefficients: 0, 4, 5, 8, 12 or 14 OpenCV terms; the two tilts in radians.
@@ -35,6 +35,9 @@ class Distortion:
         OpticsError: another number of terms, or one that is not finite.
 
     """
+
+    model = 'brown'
+    behind = 'behind the camera'
 
     def __init__(self, coefficients: ArrayLike) -> None:
         terms = np.array(coefficients, dtype=float).ravel()
@@ -56,7 +59,9 @@ class Distortion:
         self.is_identity = not any(full)
         self.fold_radius_squared = _fold(self._radial, self._rational)
 
-    def distort(self, x: Component, y: Component) -> tuple[Component, Component]:
+    def distort(
+        self, x: Component, y: Component, _: Arithmetic = ARRAYS
+    ) -> tuple[Component, Component]:
         """Move ideal image-plane coordinates to where the lens puts them (Eq. 1-2)."""
         if self.is_identity:
             return x, y
@@ -66,7 +71,7 @@ class Distortion:
         return xd, yd
 
     def distort_with_jacobian(
-        self, x: Component, y: Component
+        self, x: Component, y: Component, _: Arithmetic = ARRAYS
     ) -> tuple[Component, Component, Component, Component, Component, Component]:
         """Return xd, yd, and d(xd)/dx, d(xd)/dy, d(yd)/dx, d(yd)/dy."""
         if self.is_identity:
@@ -121,7 +126,8 @@ class Distortion:
     def _undistort_lens(
         self, xd: Component, yd: Component, arithmetic: Arithmetic
     ) -> tuple[Component, Component]:
-        sqrt, maximum, minimum, any_, keep = arithmetic
+        sqrt, maximum, minimum = arithmetic.sqrt, arithmetic.maximum, arithmetic.minimum
+        any_, keep = arithmetic.any, arithmetic.keep
         limit = self.fold_radius_squared
         x, y, error = xd, yd, math.inf
         if math.isfinite(limit):

@@ -17,6 +17,7 @@ from binopos_ros.optics.camera import PinholeCamera
 from binopos_ros.optics.camera_info import CameraInfo
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.interface import FlatInterface
+from binopos_ros.optics.lens import BROWN
 
 PLUMB_BOB_TERMS, RATIONAL_TERMS = 5, 8
 #: How much of the pictures the rectified ones keep: no blank pixels; or, without a scale, all.
@@ -53,9 +54,9 @@ def camera_infos_from_stereo(
     def rectified(alpha: float) -> tuple[Any, ...]:
         found: Any = cv2.stereoRectify(
             np.asarray(left.matrix),
-            _terms(left),
+            _rectifiable(left),
             np.asarray(right.matrix),
-            _terms(right),
+            _rectifiable(right),
             (int(left.size[0]), int(left.size[1])),
             np.asarray(rotation, float),
             np.asarray(translation, float).reshape(3, 1),
@@ -110,12 +111,12 @@ def yaml_numbers(values: ArrayLike) -> str:
 def _camera_info(
     name: str, camera: PinholeCamera, turn: np.ndarray, projection: np.ndarray
 ) -> CameraInfo:
-    terms = _terms(camera)
+    model, terms = _lens(camera)
     return CameraInfo(
         name=name,
         width=int(camera.size[0]),
         height=int(camera.size[1]),
-        distortion_model='plumb_bob' if terms.size == PLUMB_BOB_TERMS else 'rational_polynomial',
+        distortion_model=model,
         d=tuple(map(float, terms)),
         k=tuple(map(float, np.ravel(camera.matrix))),
         r=tuple(map(float, turn.ravel())),
@@ -123,10 +124,18 @@ def _camera_info(
     )
 
 
-def _terms(camera: PinholeCamera) -> np.ndarray:
-    """Distortion of 5 or 8 terms, as plumb_bob and rational_polynomial have them."""
+def _rectifiable(camera: PinholeCamera) -> np.ndarray:
+    """The terms that cv2.stereoRectify takes. The rotations do not depend on them; of a lens that
+    it does not know, the rectified pictures keep the scale of the middle."""
+    return _lens(camera)[1] if camera.model == BROWN else np.zeros(PLUMB_BOB_TERMS)
+
+
+def _lens(camera: PinholeCamera) -> tuple[str, np.ndarray]:
+    """ROS's name of the lens model, and its terms: plumb_bob has 5, rational_polynomial 8."""
     given = np.asarray(camera.distortion, float).ravel()
+    if camera.model != BROWN:
+        return camera.model, given
     fewest = PLUMB_BOB_TERMS if given.size <= PLUMB_BOB_TERMS else RATIONAL_TERMS
     terms = np.zeros(max(fewest, given.size))
     terms[: given.size] = given
-    return terms
+    return 'plumb_bob' if terms.size == PLUMB_BOB_TERMS else 'rational_polynomial', terms

@@ -12,7 +12,9 @@ import cv2
 import numpy as np
 
 from binopos_ros.optics.arithmetic import ARRAYS
+from binopos_ros.optics.equidistant import EquidistantLens
 from binopos_ros.optics.errors import OpticsError
+from binopos_ros.optics.lens import EQUIDISTANT
 from binopos_ros.optics.paths import path_through
 from binopos_ros.optics.refracted import apparent_points
 from binopos_ros.optics.rig_state import (
@@ -75,12 +77,31 @@ def project_straight(
         return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, 4 + len(camera.lens)))
     ahead = np.isfinite(points).all(axis=1) & (points[:, 2] > 0)
     safe = np.where(ahead[:, None], points, [0.0, 0.0, 1.0])
+    if camera.model == EQUIDISTANT:
+        pixels, by_point, by_camera = _project_equidistant(camera, safe)
+        return np.where(ahead[:, None], pixels, np.nan), by_point, by_camera
     zero = np.zeros(3)
     lens = camera.lens if len(camera.lens) else np.zeros(4)
     pixels, jacobian = cv2.projectPoints(safe.reshape(-1, 1, 3), zero, zero, camera.matrix, lens)
     pixels = np.where(ahead[:, None], pixels.reshape(-1, 2), np.nan)
     jacobian = jacobian.reshape(len(points), 2, -1)
     return pixels, jacobian[:, :, 3:6], jacobian[:, :, 6 : 10 + len(camera.lens)]
+
+
+def _project_equidistant(
+    camera: Camera, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    x, y, depth = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2], points[:, 2]
+    lens, count = EquidistantLens(camera.lens), len(points)
+    xd, yd, *slopes = lens.distort_with_jacobian(x, y)
+    by_plane = camera.focal[:, None] * np.stack(slopes, axis=1).reshape(count, 2, 2)
+    away = by_plane @ np.stack([x, y], axis=1)[:, :, None]
+    by_point = np.concatenate([by_plane, -away], axis=2) / depth[:, None, None]
+    by_camera = np.zeros((count, 2, 4 + len(camera.lens)))
+    by_camera[:, 0, 0], by_camera[:, 1, 1] = xd, yd
+    by_camera[:, 0, 2] = by_camera[:, 1, 3] = 1.0
+    by_camera[:, :, 4:] = camera.focal[:, None] * lens.by_terms(x, y)[:, :, : len(camera.lens)]
+    return camera.focal * np.stack([xd, yd], axis=1) + camera.centre, by_point, by_camera
 
 
 @dataclass(frozen=True)

@@ -17,23 +17,28 @@ import numpy as np
 
 from binopos_ros.optics.camera import PinholeCamera
 from binopos_ros.optics.interface import FlatInterface, tangents
+from binopos_ros.optics.lens import BROWN, EQUIDISTANT
 from binopos_ros.optics.rig import StereoRig
 from binopos_ros.sides import SIDES
 
 LEFT, RIGHT = 0, 1
-LENS_TERMS = ('k1', 'k2', 'p1', 'p2', 'k3', 'k4', 'k5', 'k6', 's1', 's2', 's3', 's4', 'tx', 'ty')
+LENS_TERMS = {
+    BROWN: ('k1', 'k2', 'p1', 'p2', 'k3', 'k4', 'k5', 'k6', 's1', 's2', 's3', 's4', 'tx', 'ty'),
+    EQUIDISTANT: ('k1', 'k2', 'k3', 'k4'),
+}
 TARGET_INDEX = 'target_index'
 SHARED, LEFT_PORT, RIGHT_PORT = 'interface', 'left_port', 'right_port'
 
 
 @dataclass(frozen=True)
 class Camera:
-    """focal: (fx, fy) px; centre: (cx, cy) px; lens: OpenCV's distortion terms."""
+    """focal: (fx, fy) px; centre: (cx, cy) px; lens: the distortion terms of its model."""
 
     focal: np.ndarray
     centre: np.ndarray
     lens: np.ndarray
     size: tuple[int, int]
+    model: str = BROWN
 
     @property
     def matrix(self) -> np.ndarray:
@@ -50,11 +55,12 @@ class Camera:
             matrix[:2, 2].copy(),
             np.array(camera.distortion, float).ravel(),
             (int(camera.size[0]), int(camera.size[1])),
+            camera.model,
         )
 
     def pinhole(self) -> PinholeCamera:
         """The camera for the other rooms."""
-        return PinholeCamera(self.matrix, self.lens, self.size)
+        return PinholeCamera(self.matrix, self.lens, self.size, self.model)
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,7 @@ class RigState:
         """The names of all parameters, in the order of `plus` and `minus`."""
         names: list[str] = []
         for side, camera in zip(SIDES, self.cameras, strict=False):
-            terms = ('fx', 'fy', 'cx', 'cy', *LENS_TERMS[: len(camera.lens)])
+            terms = ('fx', 'fy', 'cx', 'cy', *LENS_TERMS[camera.model][: len(camera.lens)])
             names += [f'{side}.{term}' for term in terms]
         if len(self.cameras) == 2:
             names += [f'rotation.{axis}' for axis in 'xyz']

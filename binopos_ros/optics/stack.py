@@ -127,7 +127,7 @@ class ParallelStack:
         return (index - self._lowest) * (index + self._lowest)
 
     def _solve(self, rho: Component, height: Component, arithmetic: Arithmetic) -> Component:
-        sqrt, maximum, _, any_, _ = arithmetic
+        sqrt, maximum, any_ = arithmetic.sqrt, arithmetic.maximum, arithmetic.any
         thin, layers = self._thin, []
         if self._last == self._lowest:
             thin = thin + height

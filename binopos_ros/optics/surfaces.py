@@ -110,7 +110,7 @@ class Surfaces:
             by component; where a ray is totally reflected or misses a surface it is not kept.
 
         """
-        sqrt, _, _, _, keep = arithmetic
+        sqrt, keep = arithmetic.sqrt, arithmetic.keep
         x = y = z = 0.0 * ux
         for nx, ny, nz, offset, ratio in self.planes:
             cosine = ux * nx + uy * ny + uz * nz

@@ -72,13 +72,13 @@ class View:
     def pixel(self, point: Vector, arithmetic: Arithmetic = ARRAYS) -> tuple[Component, Component]:
         """Project a point of the rig frame, given by components, m."""
         direction = self._path.direction(self._to_camera(point), arithmetic)
-        return self.camera.pixels(*self.camera.ideal(*direction, arithmetic))
+        return self.camera.pixels(*self.camera.ideal(*direction, arithmetic), arithmetic)
 
     def sight(self, point: Vector, arithmetic: Arithmetic = ARRAYS) -> Sight:
         """Project a point of the rig frame and differentiate its pixel, analytically."""
         departure = self._path.differentiate(self._to_camera(point), arithmetic)
         a, b = self.camera.ideal(*departure.direction, arithmetic)
-        u, v, ua, ub, va, vb = self.camera.pixels_with_jacobian(a, b)
+        u, v, ua, ub, va, vb = self.camera.pixels_with_jacobian(a, b, arithmetic)
         # The direction (x, y, z) moves the pixel by way of a = x / z and b = y / z.
         scale = 1.0 / departure.direction[2]
         ux, uy, vx, vy = ua * scale, ub * scale, va * scale, vb * scale

@@ -8,16 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.lens import BROWN, EQUIDISTANT
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.lens import Lens
 from binopos_ros.simulation.medium import Boundary, Rays, dot, plane_axes, trace
 from binopos_ros.simulation.waves import WaveField
+from binopos_ros.simulation.wide_lens import WideLens
 
 Array = NDArray[np.float64]
 
 NEWTON_STEPS = 25
 #: Step of the finite differences, in tangents of the viewing angle.
 DIFFERENCE = 1e-6
+LENSES = {BROWN: Lens, EQUIDISTANT: WideLens}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +34,7 @@ class View:
         boundaries: between the camera and the target's medium, nearest first.
     """
 
-    lens: Lens
+    lens: Lens | WideLens
     centre: Array
     rotation: Array
     boundaries: tuple[Boundary, ...]
@@ -163,7 +166,8 @@ def _view(
             )
             raise SimulationError(msg)
     size = (int(camera.size[0]), int(camera.size[1]))
-    return View(Lens(camera.matrix, camera.distortion, size), centre, rotation, tuple(boundaries))
+    lens = LENSES[camera.model](camera.matrix, camera.distortion, size)
+    return View(lens, centre, rotation, tuple(boundaries))
 
 
 def _boundaries(

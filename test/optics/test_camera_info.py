@@ -232,8 +232,12 @@ def test_absent_and_binary_files_are_named(tmp_path: Path) -> None:
         ({'r': (2.0, *INFO.r[1:]), 'p': (500, 0, 320, -50, *INFO.p[4:])}, 'not a rotation'),
         ({'k': (0.0,) * 9, 'p': (500, 0, 320, -50, *INFO.p[4:])}, 'uncalibrated'),
         (
+            {'distortion_model': 'mercator', 'p': (500, 0, 320, -50, *INFO.p[4:])},
+            'mercator.*not supported',
+        ),
+        (
             {'distortion_model': 'equidistant', 'p': (500, 0, 320, -50, *INFO.p[4:])},
-            'equidistant.*not supported',
+            'equidistant lens has 4 terms.*not 5',
         ),
     ],
 )

@@ -9,6 +9,7 @@ import pytest
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.lens import Lens
 from binopos_ros.simulation.presets import TABLE_1
+from binopos_ros.simulation.wide_lens import WideLens
 
 MATRIX = np.array([[900.0, 0, 626.2], [0, 904.5, 494.3], [0, 0, 1]])
 SIZE = (1280, 960)
@@ -35,6 +36,28 @@ def test_opencv_projects_the_rays_back_to_their_pixels(terms: tuple[float, ...])
     )
     np.testing.assert_allclose(back[:, 0], pixels(), atol=1e-9)
     np.testing.assert_allclose(lens.pixels(rays), pixels(), atol=1e-9)
+
+
+@pytest.mark.parametrize('terms', [(0.0,) * 4, (0.09, -0.02, 0.004, -0.0005)])
+def test_opencv_projects_the_rays_of_a_wide_lens_back_to_their_pixels(
+    terms: tuple[float, ...],
+) -> None:
+    matrix = np.array([[580.0, 0, 626.2], [0, 583.5, 494.3], [0, 0, 1]])
+    lens = WideLens(matrix, terms, SIZE)
+    rays = lens.directions(pixels())
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=1), 1, atol=1e-14)
+    back, _ = cv2.fisheye.projectPoints(
+        rays[:, None], np.zeros(3), np.zeros(3), matrix, np.array(terms)
+    )
+    np.testing.assert_allclose(back[:, 0], pixels(), atol=1e-9)
+    np.testing.assert_allclose(lens.pixels(rays), pixels(), atol=1e-9)
+
+
+def test_a_wide_lens_whose_image_shows_what_no_ray_reaches_is_refused() -> None:
+    with pytest.raises(SimulationError, match='more than 90 degrees'):
+        WideLens(np.array([[300.0, 0, 640], [0, 300, 480], [0, 0, 1]]), np.zeros(4), SIZE)
+    with pytest.raises(SimulationError, match='folds over'):
+        WideLens(MATRIX, (-0.9, 0.0, 0, 0), SIZE)
 
 
 def test_a_lens_that_folds_over_in_the_image_is_refused() -> None:

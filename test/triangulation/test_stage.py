@@ -93,7 +93,8 @@ def test_without_a_calibration_the_drop_names_the_camera_that_lacks_it():
     ('changes', 'words'),
     [
         ({'k': (0.0,) * 9}, 'uncalibrated'),
-        ({'distortion_model': 'equidistant'}, 'equidistant'),
+        ({'distortion_model': 'mercator'}, 'mercator'),
+        ({'distortion_model': 'fisheye'}, '4 terms'),
         ({'d': (float('nan'),) * 5}, 'left'),
     ],
 )
