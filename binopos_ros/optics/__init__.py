@@ -1,4 +1,4 @@
-"""Cameras, flat interfaces and stereo rigs: points to pixels along bent rays, and back."""
+"""Cameras, flat interfaces, domes and stereo rigs: points to pixels along bent rays, and back."""
 
 from binopos_ros.optics.camera import PinholeCamera
 from binopos_ros.optics.camera_info import (
@@ -9,6 +9,7 @@ from binopos_ros.optics.camera_info import (
 )
 from binopos_ros.optics.camera_info_files import read_camera_info, write_camera_info
 from binopos_ros.optics.column import graded_interface, mean_index
+from binopos_ros.optics.dome import DomePort
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.interface import FlatInterface
 from binopos_ros.optics.rig import StereoRig
@@ -16,6 +17,7 @@ from binopos_ros.optics.rig import StereoRig
 __all__ = [
     'CameraInfo',
     'CameraInfoWarning',
+    'DomePort',
     'FlatInterface',
     'OpticsError',
     'PinholeCamera',

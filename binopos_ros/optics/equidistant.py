@@ -108,7 +108,7 @@ class EquidistantLens:
         where = arithmetic.where
         d = arithmetic.sqrt(xd * xd + yd * yd)
         d = arithmetic.keep(d, d < self._reach, self._beyond)
-        wanted = where(d == d, d, 0.0)  # nan would never settle
+        wanted = where(d < self._reach, d, 0.0)  # what is lost would never settle
         low, high = 0.0 * wanted, 0.0 * wanted + self._limit
         angle = arithmetic.minimum(wanted, 0.9 * self._limit)
         for _ in range(MAX_STEPS):

@@ -26,7 +26,7 @@ class Lens(Protocol):
         model: its name in `LENSES`.
         behind: why there is no pixel of what lies 90 degrees or more off the axis.
         coefficients: its terms.
-        fold_radius_squared: of the image plane, where the lens's field ends; inf where it does not.
+        fold_radius_squared: where the lens's field ends on the image plane, inf where never.
 
     """
 

@@ -1,13 +1,10 @@
 """From a point to the direction in which its ray leaves the camera, through whatever lies between.
 
-Three kinds of path, one contract, all in the camera's frame: `direction(point)` is a vector along
-the ray at the camera's centre; `differentiate(point)` gives it with its derivatives by the point
-and by the refractive index of the target's medium.
+Five kinds of path, one contract (see `departure.Path`): in one medium and through planes, here;
+through a dome (`dome_path.py`), and through planes behind one (`landing.py`).
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,30 +12,14 @@ from numpy.typing import NDArray
 from binopos_ros.optics.aiming import Aim, aim
 from binopos_ros.optics.arithmetic import FLOATS, Arithmetic, Component
 from binopos_ros.optics.crossing import crossings
+from binopos_ros.optics.departure import Departure, Path, Vector
+from binopos_ros.optics.dome_path import DomePath
+from binopos_ros.optics.landing import BehindDomePath
 from binopos_ros.optics.shooting import image_plane_jacobian
 from binopos_ros.optics.stack import ParallelStack
 from binopos_ros.optics.surfaces import CAMERA_SIDE, MISSES_SURFACE, Surfaces
 
 FloatArray = NDArray[np.float64]
-Vector = tuple[Component, Component, Component]
-
-
-class Departure(NamedTuple):
-    """A ray's direction at the camera, and its derivatives."""
-
-    direction: Vector
-    by_point: tuple[Vector, Vector, Vector]  # rows: d(direction component)/d(x, y, z)
-    by_target_index: Vector
-
-
-class Path(Protocol):
-    """What a view asks of the media in front of its camera."""
-
-    def direction(self, point: Vector, arithmetic: Arithmetic) -> Vector:
-        """Return a vector along the ray at the camera's centre."""
-
-    def differentiate(self, point: Vector, arithmetic: Arithmetic) -> Departure:
-        """Return it with its derivatives."""
 
 
 class StraightPath:
@@ -168,8 +149,12 @@ class CrossingPath:
 
 def path_through(surfaces: Surfaces) -> Path:
     """Return the path that these surfaces make."""
-    if not len(surfaces.offsets):
+    if not surfaces.indices:
         return StraightPath()
+    if surfaces.spheres and surfaces.planes:
+        return BehindDomePath(surfaces)
+    if surfaces.spheres:
+        return DomePath(surfaces.spheres, surfaces.indices)
     return ParallelPath(surfaces) if surfaces.parallel else CrossingPath(surfaces)
 
 

@@ -1,4 +1,4 @@
-"""A stereo rig that looks through flat interfaces into another medium (Eq. 4-5, 8-12)."""
+"""A stereo rig that looks through interfaces and ports into another medium (Eq. 4-5, 8-12)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from binopos_ros.optics.arithmetic import ARRAYS, FLOATS, NoRayError
 from binopos_ros.optics.batches import in_blocks
 from binopos_ros.optics.camera import PinholeCamera, components
 from binopos_ros.optics.errors import OpticsError
-from binopos_ros.optics.interface import FlatInterface
+from binopos_ros.optics.interface import TARGET_INDEX, FlatInterface, Interface
 from binopos_ros.optics.view import View
 
 FloatArray = NDArray[np.float64]
@@ -52,7 +52,8 @@ class StereoRig:
         rotation: (3, 3) and
         translation: (3,) m, so that x_right = rotation @ x_left + translation.
         interface: a surface both look through, in the rig frame.
-        left_port: the left camera's own port, in its frame; in front of the interface, if any.
+        left_port: the left camera's own port, flat or a dome, in its frame; in front of the
+            interface, if any.
         right_port: the right camera's own port, in its frame.
 
     Raises:
@@ -67,10 +68,11 @@ class StereoRig:
         rotation: ArrayLike,
         translation: ArrayLike,
         interface: FlatInterface | None = None,
-        left_port: FlatInterface | None = None,
-        right_port: FlatInterface | None = None,
+        left_port: Interface | None = None,
+        right_port: Interface | None = None,
     ) -> None:
         self.left, self.right = left, right
+        _refuse_shared_dome(interface)
         self.rotation = _rotation(rotation)
         self.translation = _baseline(translation)
         self.interface, self.left_port, self.right_port = interface, left_port, right_port
@@ -95,9 +97,10 @@ class StereoRig:
     def parameter_names(self) -> tuple[str, ...]:
         """The surfaces' parameters, in the order of `parameter_jacobian` and `perturbed`.
 
-        'target_index' first; then per surface normal.0 and normal.1 (rad, about the two directions
-        of `interface.tangents`), distance and thicknesses.i (m), indices.i. A medium that two
-        surfaces share is named once, as the farther one's.
+        'target_index' first; then per interface its own: of a flat one normal.0 and normal.1 (rad,
+        along the two directions of `interface.tangents`), distance and thicknesses.i (m),
+        indices.i; of a dome centre.0 to centre.2, radius and thicknesses.0 (m), indices.i. A
+        medium that two interfaces share is named once, as the farther one's.
         """
         left, right = (view.surfaces.seeds.names for view in self.views)
         return tuple(dict.fromkeys(left + right))
@@ -247,16 +250,17 @@ class StereoRig:
             msg = f'the change must hold {len(names)} numbers ({", ".join(names)})'
             raise OpticsError(msg)
         by_name = dict(zip(names, values.tolist(), strict=True))
-        beyond_port = 'target_index' if self.interface is None else 'interface.indices.0'
-        return StereoRig(
-            self.left,
-            self.right,
-            self.rotation,
-            self.translation,
-            _changed(self.interface, 'interface', 'target_index', by_name),
-            _changed(self.left_port, 'left_port', beyond_port, by_name),
-            _changed(self.right_port, 'right_port', beyond_port, by_name),
-        )
+        beyond_port = TARGET_INDEX if self.interface is None else 'interface.indices.0'
+        surfaces = {
+            label: surface.changed(_own_changes(surface, label, beyond, by_name))
+            for label, surface, beyond in (
+                ('interface', self.interface, TARGET_INDEX),
+                ('left_port', self.left_port, beyond_port),
+                ('right_port', self.right_port, beyond_port),
+            )
+            if surface is not None
+        }
+        return StereoRig(self.left, self.right, self.rotation, self.translation, **surfaces)  # type: ignore[arg-type]
 
     def with_target_index(self, index: float) -> StereoRig:
         """Return the rig with another refractive index of the target's medium.
@@ -287,21 +291,18 @@ class StereoRig:
         return rig
 
 
-def _changed(
-    surface: FlatInterface | None, label: str, beyond: str, change: dict[str, float]
-) -> FlatInterface | None:
-    if surface is None:
-        return None
-    thicknesses = [
-        t + change[f'{label}.thicknesses.{i}'] for i, t in enumerate(surface.thicknesses)
-    ]
-    indices = [n + change[f'{label}.indices.{i}'] for i, n in enumerate(surface.indices[:-1])]
-    return FlatInterface(
-        surface.tilted(change[f'{label}.normal.0'], change[f'{label}.normal.1']),
-        surface.distance + change[f'{label}.distance'],
-        [*indices, surface.target_index + change[beyond]],
-        thicknesses,
-    )
+def _own_changes(
+    surface: Interface, label: str, beyond: str, by_name: dict[str, float]
+) -> dict[str, float]:
+    """Return the changes of one surface under its own names; `beyond` is its last medium's."""
+    own = {name: by_name[f'{label}.{name}'] for name in surface.parameter_names}
+    return own | {TARGET_INDEX: by_name[beyond]}
+
+
+def _refuse_shared_dome(interface: FlatInterface | None) -> None:
+    if interface is not None and not isinstance(interface, FlatInterface):
+        msg = 'a dome belongs to one camera: give it as left_port or right_port, not as interface'
+        raise OpticsError(msg)
 
 
 def _rays(view: View, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -14,6 +14,7 @@ import numpy as np
 from binopos_ros.optics.arithmetic import ARRAYS
 from binopos_ros.optics.equidistant import EquidistantLens
 from binopos_ros.optics.errors import OpticsError
+from binopos_ros.optics.interface import FlatInterface
 from binopos_ros.optics.lens import EQUIDISTANT
 from binopos_ros.optics.paths import path_through
 from binopos_ros.optics.refracted import apparent_points
@@ -127,10 +128,10 @@ def _through_interface(state: RigState, side: int, local: np.ndarray) -> _Seen:
     if not places:
         straight = np.broadcast_to(np.eye(3), (count, 3, 3))
         return _Seen(local, straight, np.zeros((count, 3, 0)), [], still, still)
-    if len(places) > 1:
-        return _through_both(state, side, local)
+    interface = state.interfaces[places[0]]
+    if len(places) > 1 or not isinstance(interface, FlatInterface):
+        return _through_all(state, side, local)
     (place,) = places
-    interface = state.interfaces[place]
     own = [TARGET_INDEX, *state.names_of(place)]
     columns = [state.names.index(name) for name in own]
     in_rig_frame = place == SHARED and side == RIGHT
@@ -157,14 +158,15 @@ def _through_interface(state: RigState, side: int, local: np.ndarray) -> _Seen:
     return _Seen(seen.points, seen.by_point, by_interface, columns, by_rotation, by_translation)
 
 
-def _through_both(state: RigState, side: int, local: np.ndarray) -> _Seen:
-    """Through the camera's own port and the shared surface behind it, at any angle.
+def _through_all(state: RigState, side: int, local: np.ndarray) -> _Seen:
+    """Through the camera's own port, of any shape, and a shared surface behind it, at any angle.
 
     Apparent points are those of the image plane, z = 1.
     """
     rotation = state.rotation if side == RIGHT else np.eye(3)
     translation = state.translation if side == RIGHT else np.zeros(3)
-    shared = state.interfaces[SHARED]
+    shared = state.interfaces.get(SHARED)
+    assert shared is None or isinstance(shared, FlatInterface)
     port = state.interfaces[RIGHT_PORT if side == RIGHT else LEFT_PORT]
     try:
         surfaces = Surfaces(port, shared, rotation, translation, SIDES[side])
@@ -179,7 +181,7 @@ def _through_both(state: RigState, side: int, local: np.ndarray) -> _Seen:
     own = [name for name in names if name in state.names]
     by_interface = _flat_rows(by_named[:, :, [names.index(name) for name in own]])
     by_rotation, by_translation = (np.zeros((len(local), 3, 3)) for _ in range(2))
-    if side == RIGHT:
+    if side == RIGHT and shared is not None:
         # The shared surface stays while the camera turns and moves.
         normal = rotation @ shared.normal
         for i, tangent in enumerate(state.bases[SHARED] @ rotation.T):

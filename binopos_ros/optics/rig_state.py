@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from binopos_ros.optics.camera import PinholeCamera
-from binopos_ros.optics.interface import FlatInterface, tangents
+from binopos_ros.optics.interface import TARGET_INDEX, FlatInterface, Interface, tangents
 from binopos_ros.optics.lens import BROWN, EQUIDISTANT
 from binopos_ros.optics.rig import StereoRig
 from binopos_ros.sides import SIDES
@@ -26,7 +26,8 @@ LENS_TERMS = {
     BROWN: ('k1', 'k2', 'p1', 'p2', 'k3', 'k4', 'k5', 'k6', 's1', 's2', 's3', 's4', 'tx', 'ty'),
     EQUIDISTANT: ('k1', 'k2', 'k3', 'k4'),
 }
-TARGET_INDEX = 'target_index'
+#: Of the cameras' own medium.
+OWN_MEDIUM = 'indices.0'
 SHARED, LEFT_PORT, RIGHT_PORT = 'interface', 'left_port', 'right_port'
 
 
@@ -77,7 +78,7 @@ class RigState:
     cameras: tuple[Camera, ...]
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
     translation: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    interfaces: dict[str, FlatInterface] = field(default_factory=dict)
+    interfaces: dict[str, Interface] = field(default_factory=dict)
 
     @classmethod
     def of(cls, rig: StereoRig) -> RigState:
@@ -94,7 +95,11 @@ class RigState:
         """The rig for the other rooms."""
         left, right = self.cameras
         return StereoRig(
-            left.pinhole(), right.pinhole(), self.rotation, self.translation, **self.interfaces
+            left.pinhole(),
+            right.pinhole(),
+            self.rotation,
+            self.translation,
+            **self.interfaces,  # type: ignore[arg-type]
         )
 
     @cached_property
@@ -115,19 +120,17 @@ class RigState:
 
     def names_of(self, place: str) -> list[str]:
         """The names of one interface's own parameters: all but the target's index."""
-        layers = range(len(self.interfaces[place].thicknesses))
-        return [
-            f'{place}.normal.0',
-            f'{place}.normal.1',
-            f'{place}.distance',
-            *(f'{place}.thicknesses.{i}' for i in layers),
-            *(f'{place}.indices.{i + 1}' for i in layers),
-        ]
+        names = self.interfaces[place].parameter_names
+        return [f'{place}.{name}' for name in names if name != OWN_MEDIUM]
 
     @cached_property
     def bases(self) -> dict[str, np.ndarray]:
-        """By place, the two directions (2, 3) along which its normal changes."""
-        return {place: tangents(interface.normal) for place, interface in self.interfaces.items()}
+        """By place, the two directions (2, 3) along which a flat one's normal changes."""
+        return {
+            place: tangents(interface.normal)
+            for place, interface in self.interfaces.items()
+            if isinstance(interface, FlatInterface)
+        }
 
     @property
     def target_index(self) -> float:
@@ -160,17 +163,14 @@ class RigState:
         if len(cameras) == 2:
             rotation = exponential(take(3)) @ rotation
             translation = translation + take(3)
-        target_index = self.target_index + float(take(1)[0]) if self.interfaces else 1.0
+        deeper = float(take(1)[0]) if self.interfaces else 0.0
         interfaces = {}
         for place, old in self.interfaces.items():
-            layers = len(old.thicknesses)
-            normal = old.normal + take(2) @ self.bases[place]
-            distance = old.distance + float(take(1)[0])
-            thicknesses = np.array(old.thicknesses) + take(layers)
-            inner = np.array(old.indices[1:-1]) + take(layers)
-            last = target_index if place in self.last_places else old.indices[-1]
-            indices = (old.indices[0], *inner, last)
-            interfaces[place] = FlatInterface(normal, distance, indices, thicknesses)
+            own = [name for name in old.parameter_names if name != OWN_MEDIUM]
+            changes = dict(zip(own, take(len(own)).tolist(), strict=True))
+            if place in self.last_places:
+                changes[TARGET_INDEX] = deeper
+            interfaces[place] = old.changed(changes)
         return RigState(cameras, rotation, translation, interfaces)
 
     def minus(self, other: RigState) -> np.ndarray:
@@ -184,12 +184,8 @@ class RigState:
         if self.interfaces:
             parts += [np.array([self.target_index - other.target_index])]
         for place, interface in self.interfaces.items():
-            before = other.interfaces[place]
-            along = max(float(interface.normal @ before.normal), 1e-6)
-            parts += [other.bases[place] @ interface.normal / along]
-            parts += [np.array([interface.distance - before.distance])]
-            parts += [np.array(interface.thicknesses) - np.array(before.thicknesses)]
-            parts += [np.array(interface.indices[1:-1]) - np.array(before.indices[1:-1])]
+            changes = interface.change_since(other.interfaces[place])
+            parts += [np.array([d for name, d in changes.items() if name != OWN_MEDIUM])]
         return np.concatenate(parts)
 
 

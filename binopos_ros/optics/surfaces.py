@@ -1,8 +1,9 @@
-"""The refracting planes in front of one camera, in its own frame and in the order of the light.
+"""The refracting surfaces in front of one camera, in its own frame, in the order of the light.
 
 A camera may look through its own port, through a shared surface, or through both. Here they
-become one list of planes and media, together with how each plane and index answers to the named
-parameters of the interfaces.
+become one list of spheres, of planes and of media, together with how each surface and index
+answers to the named parameters of the interfaces. Only a port may be a dome, so spheres come
+first.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic, Component
 from binopos_ros.optics.errors import OpticsError
-from binopos_ros.optics.interface import FlatInterface, tangents
+from binopos_ros.optics.interface import TARGET_INDEX, FlatInterface, Interface, Walls, tangents
 
 FloatArray = NDArray[np.float64]
 
@@ -26,17 +27,26 @@ TOTAL_REFLECTION = 'total reflection'
 MISSES_SURFACE = 'the ray does not reach the surfaces in their order'
 
 
+Row = tuple[float, float, float, float, float]
+
+
 class Seeds(NamedTuple):
-    """Derivatives of planes and indices with respect to K named parameters."""
+    """Derivatives of surfaces and indices with respect to K named parameters."""
 
     names: tuple[str, ...]
-    normals: FloatArray  # (planes, 3, K)
-    offsets: FloatArray  # (planes, K), m
-    indices: FloatArray  # (planes + 1, K)
+    vectors: FloatArray  # (surfaces, 3, K) of normals, or centres
+    extents: FloatArray  # (surfaces, K) of offsets, or radii
+    indices: FloatArray  # (surfaces + 1, K)
 
 
 class Surfaces:
-    """Planes normal . x = offset of one camera's frame, nearest first, and the media they part.
+    """Spheres and planes of one camera's frame, nearest first, and the media they part.
+
+    Attributes:
+        spheres: (x, y, z, radius, index before / index beyond) of each, as floats, m.
+        planes: (x, y, z, offset, index before / index beyond) of each, as floats.
+        normals: (planes, 3) and
+        offsets: (planes,) m, of the planes alone.
 
     Args:
         port: the camera's own port, in its frame.
@@ -52,48 +62,43 @@ class Surfaces:
 
     def __init__(
         self,
-        port: FlatInterface | None,
+        port: Interface | None,
         interface: FlatInterface | None,
         rotation: FloatArray,
         translation: FloatArray,
         name: str,
     ) -> None:
-        self._port, self._interface, self._name = port, interface, name
-        self._rotation, self._translation = rotation, translation
-        normals: list[FloatArray] = []
-        offsets: list[float] = []
+        self._parts: list[tuple[str, Interface, Walls]] = []
         self.indices: tuple[float, ...] = ()
         if port is not None:
-            normals += [port.normal] * (len(port.thicknesses) + 1)
-            offsets += np.cumsum([port.distance, *port.thicknesses]).tolist()
+            self._parts.append((f'{name}_port', port, port.walls(np.eye(3), np.zeros(3))))
             self.indices = port.indices
         if interface is not None:
-            normal = rotation @ interface.normal
-            distance = interface.distance + float(normal @ translation)
-            if distance <= 0.0:
+            walls = interface.walls(rotation, translation)
+            if walls.extents[0] <= 0.0:
                 msg = (
-                    f"the {name} camera lies {-distance:g} m beyond the interface's first surface"
+                    f"the {name} camera lies {-walls.extents[0]:g} m beyond the interface's first"
+                    ' surface'
                 )
                 raise OpticsError(msg)
-            normals += [normal] * (len(interface.thicknesses) + 1)
-            offsets += np.cumsum([distance, *interface.thicknesses]).tolist()
+            self._parts.append(('interface', interface, walls))
             self.indices = _joined(self.indices, interface.indices, name)
-        self.normals = np.array(normals).reshape(-1, 3)
-        self.offsets = np.array(offsets)
-        self.parallel = self._are_parallel()
-        if self.parallel and (np.diff(self.offsets) <= 0.0).any():
+        curved = [walls for *_, walls in self._parts if walls.curved]
+        flat = [walls for *_, walls in self._parts if not walls.curved]
+        self.normals = np.array([row for walls in flat for row in walls.vectors]).reshape(-1, 3)
+        self.offsets = np.array([d for walls in flat for d in walls.extents])
+        self.parallel = not curved and self._are_parallel()
+        reaches = (self.parallel and (np.diff(self.offsets) <= 0.0).any()) or any(
+            (self.normals @ walls.vectors[-1] + walls.extents[-1] >= self.offsets).any()
+            for walls in curved
+        )
+        if reaches:
             msg = f"the {name} camera's port reaches beyond the interface; mend their distances"
             raise OpticsError(msg)
-        self.planes = tuple(
-            (*normal, offset, first / second)
-            for normal, offset, first, second in zip(
-                self.normals.tolist(),
-                self.offsets.tolist(),
-                self.indices[:-1],
-                self.indices[1:],
-                strict=True,
-            )
-        )
+        ratios = [a / b for a, b in zip(self.indices[:-1], self.indices[1:], strict=True)]
+        count = sum(len(walls.extents) for walls in curved)
+        self.spheres = _rows(curved, ratios[:count])
+        self.planes = _rows(flat, ratios[count:])
 
     def _are_parallel(self) -> bool:
         if not len(self.normals):
@@ -112,6 +117,20 @@ class Surfaces:
         """
         sqrt, keep = arithmetic.sqrt, arithmetic.keep
         x = y = z = 0.0 * ux
+        for cx, cy, cz, radius, ratio in self.spheres:
+            # The ray comes from inside, so it meets the sphere once, ahead.
+            rx, ry, rz = x - cx, y - cy, z - cz
+            along = rx * ux + ry * uy + rz * uz
+            half = sqrt(radius * radius - (rx * rx + ry * ry + rz * rz) + along * along)
+            reach = half - along
+            x, y, z = x + reach * ux, y + reach * uy, z + reach * uz
+            cosine = half / radius
+            square = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
+            square = keep(square, square > 0.0, TOTAL_REFLECTION)
+            bend = (sqrt(square) - ratio * cosine) / radius
+            ux = ratio * ux + bend * (x - cx)
+            uy = ratio * uy + bend * (y - cy)
+            uz = ratio * uz + bend * (z - cz)
         for nx, ny, nz, offset, ratio in self.planes:
             cosine = ux * nx + uy * ny + uz * nz
             cosine = keep(cosine, cosine > 0.0, MISSES_SURFACE)
@@ -125,10 +144,14 @@ class Surfaces:
         return x, y, z, ux, uy, uz
 
     def with_target_index(self, index: float) -> Surfaces:
-        """Return the same planes with another medium beyond the last one."""
+        """Return the same surfaces with another medium beyond the last one."""
         other = copy.copy(self)
         other.indices = (*self.indices[:-1], index)
-        other.planes = (*self.planes[:-1], (*self.planes[-1][:-1], self.indices[-2] / index))
+        ratio = self.indices[-2] / index
+        if self.planes:
+            other.planes = (*self.planes[:-1], (*self.planes[-1][:-1], ratio))
+        else:
+            other.spheres = (*self.spheres[:-1], (*self.spheres[-1][:-1], ratio))
         return other
 
     @cached_property
@@ -146,39 +169,35 @@ class Surfaces:
         """How each plane and each index answers to each named parameter."""
         if not self.indices:
             return Seeds((), np.zeros((0, 3, 0)), np.zeros((0, 0)), np.zeros((0, 0)))
-        names: list[str] = []
-        planes, media = len(self.normals), len(self.indices)
-        columns: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-
-        def add(name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-            names.append(name)
-            columns.append((np.zeros((planes, 3)), np.zeros(planes), np.zeros(media)))
-            return columns[-1]
-
-        add('target_index')[2][-1] = 1.0
+        surfaces, media = len(self.indices) - 1, len(self.indices)
+        names = [TARGET_INDEX]
+        vectors, extents = [np.zeros((surfaces, 3))], [np.zeros(surfaces)]
+        indices = [np.eye(media)[-1]]
         first = 0
-        for surface, label, rotation, translation in (
-            (self._port, f'{self._name}_port', np.eye(3), np.zeros(3)),
-            (self._interface, 'interface', self._rotation, self._translation),
-        ):
-            if surface is None:
-                continue
-            last = first + len(surface.thicknesses) + 1
-            for i, tangent in enumerate(tangents(surface.normal) @ rotation.T):
-                normals, offsets, _ = add(f'{label}.normal.{i}')
-                normals[first:last] = tangent
-                offsets[first:last] = tangent @ translation
-            add(f'{label}.distance')[1][first:last] = 1.0
-            for i in range(len(surface.thicknesses)):
-                add(f'{label}.thicknesses.{i}')[1][first + 1 + i : last] = 1.0
-            # The medium beyond a port is the interface's first, or the target's.
-            for i in range(len(surface.indices) - 1):
-                add(f'{label}.indices.{i}')[2][first + i] = 1.0
+        for label, interface, walls in self._parts:
+            last = first + len(walls.extents)
+            for name in interface.parameter_names:
+                names.append(f'{label}.{name}')
+                vectors.append(np.zeros((surfaces, 3)))
+                extents.append(np.zeros(surfaces))
+                indices.append(np.zeros(media))
+                if name in walls.by_name:
+                    vectors[-1][first:last], extents[-1][first:last] = walls.by_name[name]
+                else:
+                    # The medium beyond a port is the interface's first, or the target's.
+                    indices[-1][first + int(name.removeprefix('indices.'))] = 1.0
             first = last
-        normals, offsets, indices = (
-            np.stack(part, axis=-1) for part in zip(*columns, strict=True)
-        )
-        return Seeds(tuple(names), normals, offsets, indices)
+        stacked = (np.stack(part, axis=-1) for part in (vectors, extents, indices))
+        return Seeds(tuple(names), *stacked)
+
+
+def _rows(walls: list[Walls], ratios: list[float]) -> tuple[Row, ...]:
+    vectors = [row for one in walls for row in one.vectors.tolist()]
+    extents = [extent for one in walls for extent in one.extents.tolist()]
+    return tuple(
+        (x, y, z, extent, ratio)
+        for (x, y, z), extent, ratio in zip(vectors, extents, ratios, strict=True)
+    )
 
 
 def _joined(port: tuple[float, ...], wall: tuple[float, ...], name: str) -> tuple[float, ...]:

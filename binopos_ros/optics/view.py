@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from binopos_ros.optics.arithmetic import ARRAYS, FLOATS, Arithmetic, Component, NoRayError
 from binopos_ros.optics.camera import PinholeCamera
-from binopos_ros.optics.interface import FlatInterface
-from binopos_ros.optics.paths import Vector, path_through
+from binopos_ros.optics.departure import Vector
+from binopos_ros.optics.interface import FlatInterface, Interface
+from binopos_ros.optics.paths import path_through
 from binopos_ros.optics.shooting import image_plane_jacobian
 from binopos_ros.optics.surfaces import Surfaces
 
@@ -50,7 +51,7 @@ class View:
         camera: PinholeCamera,
         rotation: FloatArray,
         translation: FloatArray,
-        port: FlatInterface | None,
+        port: Interface | None,
         interface: FlatInterface | None,
         name: str,
     ) -> None:
@@ -132,7 +133,7 @@ class View:
             (N, 2, K) in px per unit, in the order of `surfaces.seeds.names`; nan without a ray.
 
         """
-        if not len(self.surfaces.offsets):
+        if not self.surfaces.indices:
             return np.zeros((len(points), 2, 0))
         x, y, z = self._to_camera((points[:, 0], points[:, 1], points[:, 2]))
         a, b = self.camera.ideal(*self._path.direction((x, y, z), ARRAYS))

@@ -101,7 +101,7 @@ def test_what_lies_beyond_90_degrees_is_refused_by_name() -> None:
 def test_one_point_is_seen_as_many_are(camera: PinholeCamera) -> None:
     """The floats of a live pair give the digits of the arrays."""
     rig = StereoRig(camera, camera, np.eye(3), [-0.1, 0.0, 0.0])
-    points = rays(80.0)[:40] + [0.05, 0.0, 0.0]
+    points = rays(80.0)[:40] + np.array([0.05, 0.0, 0.0])
     many = np.stack(rig.project(points))
     one = np.stack([np.stack(rig.project(point)) for point in points], axis=1)
     np.testing.assert_allclose(one, many, rtol=1e-14)

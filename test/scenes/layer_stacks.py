@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics import DomePort, FlatInterface, PinholeCamera, StereoRig
 
 AIR, GLASS, ACRYLIC, WATER = 1.0003, 1.46, 1.49, 1.333
 
@@ -41,7 +41,7 @@ def camera() -> PinholeCamera:
 
 
 def make_rigs() -> dict[str, StereoRig]:
-    """Rigs of every kind: none, one shared surface, ports, and ports before a wall."""
+    """Rigs of every kind: none, one shared surface, ports or domes, and these before a wall."""
     left = right = camera()
     place = rotation(0.03, 0.1, -0.02), np.array([-0.23, 0.01, 0.02])
     port = FlatInterface((0.1, 0.05, 1.0), 0.03, (AIR, GLASS, WATER), (0.006,))
@@ -53,6 +53,11 @@ def make_rigs() -> dict[str, StereoRig]:
         rigs[name] = StereoRig(left, right, *place, surface)
     rigs['ports'] = StereoRig(left, right, *place, None, port, other)
     rigs['ports before a wall'] = StereoRig(left, right, *place, wall, port, other)
+    dome = DomePort((0.004, -0.003, 0.012), 0.05, 0.007, (AIR, ACRYLIC, WATER))
+    other_dome = DomePort((-0.02, 0.03, -0.01), 0.06, 0.004, (AIR, GLASS, WATER))
+    rigs['domes'] = StereoRig(left, right, *place, None, dome, other_dome)
+    rigs['domes before a wall'] = StereoRig(left, right, *place, wall, dome, other_dome)
+    rigs['a dome and a port'] = StereoRig(left, right, *place, None, dome, other)
     return rigs
 
 
