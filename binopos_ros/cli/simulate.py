@@ -22,6 +22,7 @@ examples:
   binopos simulate -o rough --waves 0.001 --still   a still target under waves of 1 mm
   binopos simulate -o brine --salt 1.37             salt at the bottom of the bowl
   binopos simulate -o robot --preset ports          a robot's cameras behind glass ports
+  binopos simulate -o wide --preset domes           ... with wide lenses, behind domes
   binopos simulate -o reef --preset ports --still --motion hover    ... which hovers
   binopos simulate -o dry --board 9x6 --air --pairs 40 --rate 2    boards for calibrate stereo
   binopos simulate -o wet --board 9x6 --pairs 15 --rate 2          ... and calibrate interface
@@ -56,7 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=sorted(PRESETS),
         default='washbowl',
         help="washbowl: the paper's rig over a bowl of water, 1280x960; ports: two cameras behind "
-        'flat glass under water, 1280x960; demo: the washbowl at 640x480 (default: washbowl)',
+        'flat glass under water, 1280x960; domes: the same with wide lenses behind domes; demo: the '
+        'washbowl at 640x480 (default: washbowl)',
     )
     parser.add_argument(
         '--pairs', type=int, metavar='N', help='pairs of pictures (default: 300, demo 150)'

@@ -94,6 +94,17 @@ class DomePort:
         """centre.0 to centre.2, radius, thicknesses.0 (m), indices.0 and indices.1."""
         return 'centre.0', 'centre.1', 'centre.2', 'radius', *layer_names(self.thicknesses)
 
+    @property
+    def written(self) -> dict[str, str | float | Sequence[float]]:
+        """Its values under the names that they have in parameter files."""
+        return {
+            'shape': 'dome',
+            'centre': self.centre.tolist(),
+            'radius': self.radius,
+            'thicknesses': self.thicknesses,
+            'indices': self.indices,
+        }
+
     def with_target_index(self, index: float) -> DomePort:
         """Return the dome in another medium.
 

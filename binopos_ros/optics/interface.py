@@ -64,6 +64,10 @@ class Interface(Protocol):
     def parameter_names(self) -> tuple[str, ...]:
         """The names of its own parameters: all but the target's index."""
 
+    @property
+    def written(self) -> dict[str, str | float | Sequence[float]]:
+        """Its values under the names that they have in parameter files."""
+
     def with_target_index(self, index: float) -> Interface:
         """Return the interface with another medium beyond it."""
 
@@ -144,6 +148,16 @@ class FlatInterface:
     def parameter_names(self) -> tuple[str, ...]:
         """normal.0, normal.1 (rad, along `tangents`), distance, thicknesses.i (m), indices.i."""
         return 'normal.0', 'normal.1', 'distance', *layer_names(self.thicknesses)
+
+    @property
+    def written(self) -> dict[str, str | float | Sequence[float]]:
+        """Its values under the names that they have in parameter files."""
+        values: dict[str, str | float | Sequence[float]] = {
+            'normal': self.normal.tolist(),
+            'distance': self.distance,
+            'indices': self.indices,
+        }
+        return values | ({'thicknesses': self.thicknesses} if self.thicknesses else {})
 
     def changed(self, change: Mapping[str, float]) -> FlatInterface:
         """Return the interface after changes of parameters by name.

@@ -6,7 +6,7 @@ epipolar lines, and R and P carry the extrinsics (see `stereo_from_camera_infos`
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from binopos_ros.optics.camera import PinholeCamera
 from binopos_ros.optics.camera_info import CameraInfo
 from binopos_ros.optics.errors import OpticsError
-from binopos_ros.optics.interface import FlatInterface
+from binopos_ros.optics.interface import Interface
 from binopos_ros.optics.lens import BROWN
 
 PLUMB_BOB_TERMS, RATIONAL_TERMS = 5, 8
@@ -76,31 +76,30 @@ def camera_infos_from_stereo(
 
 
 def interface_block(
-    place: str, interface: FlatInterface, remarks: Mapping[str, str] | None = None
+    place: str, interface: Interface, remarks: Mapping[str, str] | None = None
 ) -> list[str]:
     """Return an interface's lines in the triangulator's block of a ROS 2 parameter file.
 
     Args:
         place: 'interface', 'left_port' or 'right_port'.
         interface: what stands there.
-        remarks: comments on normal, distance, indices, thicknesses.
+        remarks: comments on values, by name.
 
     """
-    values = {
-        'normal': yaml_numbers(interface.normal),
-        'distance': repr(float(interface.distance)),
-        'indices': yaml_numbers(interface.indices),
-    }
-    if len(interface.thicknesses):
-        values['thicknesses'] = yaml_numbers(interface.thicknesses)
     said = remarks or {}
     return [
         f'    {place}:',
         *(
-            f'      {name}: {value}' + (f'  # {said[name]}' if said.get(name) else '')
-            for name, value in values.items()
+            f'      {name}: {_yaml(value)}' + (f'  # {said[name]}' if said.get(name) else '')
+            for name, value in interface.written.items()
         ),
     ]
+
+
+def _yaml(value: str | float | Sequence[float]) -> str:
+    if isinstance(value, str):
+        return value
+    return repr(float(value)) if np.ndim(value) == 0 else yaml_numbers(value)
 
 
 def yaml_numbers(values: ArrayLike) -> str:

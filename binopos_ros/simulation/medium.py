@@ -1,7 +1,8 @@
 """Light through layered media, ray by ray: Snell's law in vector form at each boundary.
 
 Rays start at the camera and are traced backwards, which is the same path: light is reversible.
-Boundaries are planes, stated in the rig's frame; the first may carry waves.
+Boundaries are stated in the rig's frame: planes, of which the first may carry waves, and the
+spheres of a dome, which hold the camera.
 """
 
 from __future__ import annotations
@@ -42,6 +43,52 @@ class Boundary:
         """Two unit vectors that span the plane; the waves' x and y."""
         return plane_axes(self.normal)
 
+    def is_passed(self, points: Array) -> Array:
+        """Which of points (N, 3) lie beyond it."""
+        return dot(points, self.normal) > self.distance
+
+    def calm(self) -> Boundary:
+        """The same without waves."""
+        return dataclasses.replace(self, waves=None)
+
+    def meet(self, points: Array, directions: Array, time: ArrayLike) -> tuple[Array, Array]:
+        """Where rays meet it, and the unit normals there."""
+        return _meet(self, points, directions, time)
+
+
+@dataclasses.dataclass(frozen=True)
+class Sphere:
+    """One side of a dome's wall.
+
+    Attributes:
+        centre: (3,) m, rig frame.
+        radius: m.
+        index_before, index_after: refractive indices inside and outside.
+    """
+
+    centre: Array
+    radius: float
+    index_before: float
+    index_after: float
+
+    def is_passed(self, points: Array) -> Array:
+        """Which of points (N, 3) lie beyond it."""
+        offset = points - self.centre
+        return dot(offset, offset) > self.radius**2
+
+    def calm(self) -> Sphere:
+        """The same: no waves run on glass."""
+        return self
+
+    def meet(self, points: Array, directions: Array, _: ArrayLike) -> tuple[Array, Array]:
+        """Where rays from inside meet it, and the unit normals there."""
+        offset = points - self.centre
+        along = dot(offset, directions)
+        # Both roots of |offset + s direction| = radius; a ray from inside has one ahead of it.
+        steps = np.sqrt(along**2 + self.radius**2 - dot(offset, offset)) - along
+        hits = points + steps[:, None] * directions
+        return hits, (hits - self.centre) / self.radius
+
 
 @dataclasses.dataclass(frozen=True)
 class Rays:
@@ -69,7 +116,7 @@ def plane_axes(normal: Array) -> tuple[Array, Array]:
 
 
 def trace(
-    boundaries: tuple[Boundary, ...], origin: Array, directions: Array, time: ArrayLike
+    boundaries: tuple[Boundary | Sphere, ...], origin: Array, directions: Array, time: ArrayLike
 ) -> Rays:
     """Follow rays from one point through all boundaries.
 
@@ -83,7 +130,7 @@ def trace(
     entries = points
     lengths = np.zeros(len(directions))
     for number, boundary in enumerate(boundaries):
-        hits, normals = _meet(boundary, points, directions, time)
+        hits, normals = boundary.meet(points, directions, time)
         if number == 0:
             entries = hits
         else:

@@ -40,7 +40,8 @@ def parameter_file(scene: Scene) -> str:
     }
     for name, (interface, frame) in blocks.items():
         if interface is not None:
-            remarks = {'normal': frame, 'distance': 'm', 'thicknesses': 'm'}
+            remarks = {'normal': frame, 'centre': f'{frame}, m'}
+            remarks |= dict.fromkeys(('distance', 'radius', 'thicknesses'), 'm')
             lines += interface_block(name, interface, remarks)
     if rig.interface is not None and not rig.interface.thicknesses and not _swells(scene):
         lines.append('    medium: basin  # no room for swell; auto: there may be')

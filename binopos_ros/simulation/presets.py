@@ -1,4 +1,4 @@
-"""Ready-made scenes: the paper's washbowl, and a robot's pair of glass ports."""
+"""Ready-made scenes: the paper's washbowl, and a robot's pair of flat ports or of domes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics import DomePort, FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.interface import Interface
+from binopos_ros.optics.lens import BROWN, EQUIDISTANT
 from binopos_ros.simulation.backdrop import Basin, OpenWater, mottled, strew
 from binopos_ros.simulation.boards import Board, scatter
 from binopos_ros.simulation.errors import SimulationError
@@ -185,10 +187,16 @@ def washbowl(choices: Choices = Choices(), half_size: bool = False) -> Scene:  #
 
 
 def _camera(
-    fx: float, fy: float, cx: float, cy: float, terms: tuple[float, ...], size: tuple[int, int]
+    fx: float,
+    fy: float,
+    cx: float,
+    cy: float,
+    terms: tuple[float, ...],
+    size: tuple[int, int],
+    model: str = BROWN,
 ) -> PinholeCamera:
     matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    return PinholeCamera(matrix, terms, size)
+    return PinholeCamera(matrix, terms, size, model)
 
 
 def _seen(path: HarmonicPath, choices: Choices) -> Path:
@@ -218,25 +226,47 @@ def ports(choices: Choices = Choices()) -> Scene:  # noqa: B008
 
     10 mm of glass 35 mm before each camera, no two tilted alike; a disc swims about a metre ahead.
     """
+    left = _camera(810.0, 811.2, 642.3, 476.8, (-0.11, 0.07, 0.0006, -0.0004), (1280, 960))
+    right = _camera(806.5, 807.4, 633.1, 483.9, (-0.108, 0.066, -0.0005, 0.0007), (1280, 960))
+    indices, thickness = (1.0, 1.517, 1.335), (0.010,)
+    return _robot(
+        choices,
+        (left, right),
+        FlatInterface([0.012, -0.008, 1.0], 0.035, indices, thickness),
+        FlatInterface([-0.009, 0.011, 1.0], 0.036, indices, thickness),
+    )
+
+
+def domes(choices: Choices = Choices()) -> Scene:  # noqa: B008
+    """The same robot with wide lenses behind domes of acrylic, no two centred alike."""
+    terms = ((0.012, -0.006, 0.002, -0.0003), (0.010, -0.005, 0.0017, -0.0002))
+    size = (1280, 960)
+    left = _camera(620.0, 620.9, 642.3, 476.8, terms[0], size, EQUIDISTANT)
+    right = _camera(618.5, 619.2, 633.1, 483.9, terms[1], size, EQUIDISTANT)
+    indices = (1.0, 1.49, 1.335)
+    return _robot(
+        choices,
+        (left, right),
+        DomePort([0.0012, -0.0008, 0.0031], 0.050, 0.005, indices),
+        DomePort([-0.0015, 0.0006, 0.0018], 0.050, 0.005, indices),
+    )
+
+
+def _robot(
+    choices: Choices,
+    cameras: tuple[PinholeCamera, PinholeCamera],
+    left_port: Interface,
+    right_port: Interface,
+) -> Scene:
     if choices.waves or choices.salt is not None:
         msg = 'waves and a salt gradient belong to a water surface: the ports have none'
         raise SimulationError(msg)
-    left = _camera(810.0, 811.2, 642.3, 476.8, (-0.11, 0.07, 0.0006, -0.0004), (1280, 960))
-    right = _camera(806.5, 807.4, 633.1, 483.9, (-0.108, 0.066, -0.0005, 0.0007), (1280, 960))
     yaw, roll = np.deg2rad(2.0), np.deg2rad(0.4)
     rotation = np.array(
         [[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]]
     ) @ np.array([[np.cos(roll), -np.sin(roll), 0], [np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
     translation = -rotation @ np.array([0.12, 0.001, -0.0015])
-    indices, thickness = (1.0, 1.517, 1.335), (0.010,)
-    rig = StereoRig(
-        left,
-        right,
-        rotation,
-        translation,
-        left_port=FlatInterface([0.012, -0.008, 1.0], 0.035, indices, thickness),
-        right_port=FlatInterface([-0.009, 0.011, 1.0], 0.036, indices, thickness),
-    )
+    rig = StereoRig(*cameras, rotation, translation, left_port=left_port, right_port=right_port)
     rng = choices.rng(TEXTURES)
     bed = mottled(rng, 2048, (0.26, 0.30, 0.29), 0.15)
     strew(bed, rng, _chosen(choices.distractors, 8), 0.18, 0.45, 0.02)
@@ -309,5 +339,6 @@ class Preset:
 PRESETS = {
     'washbowl': Preset(washbowl, 300),
     'ports': Preset(ports, 300),
+    'domes': Preset(domes, 300),
     'demo': Preset(demo, 150),
 }

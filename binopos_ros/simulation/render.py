@@ -108,7 +108,7 @@ class Renderer:
     def _draw_calm_background(self) -> None:
         """Trace the whole background, and note where it is seen through waves."""
         scene, view = self.scene, self.view
-        calm = tuple(dataclasses.replace(boundary, waves=None) for boundary in view.boundaries)
+        calm = tuple(boundary.calm() for boundary in view.boundaries)
         still = dataclasses.replace(view, boundaries=calm)
         wet = None
         if scene.waves is not None and isinstance(scene.backdrop, Basin):

@@ -7,11 +7,12 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics import DomePort, FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.interface import Interface
 from binopos_ros.optics.lens import BROWN, EQUIDISTANT
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.lens import Lens
-from binopos_ros.simulation.medium import Boundary, Rays, dot, plane_axes, trace
+from binopos_ros.simulation.medium import Boundary, Rays, Sphere, dot, plane_axes, trace
 from binopos_ros.simulation.waves import WaveField
 from binopos_ros.simulation.wide_lens import WideLens
 
@@ -37,7 +38,7 @@ class View:
     lens: Lens | WideLens
     centre: Array
     rotation: Array
-    boundaries: tuple[Boundary, ...]
+    boundaries: tuple[Boundary | Sphere, ...]
 
     def directions(self, pixels: ArrayLike) -> Array:
         """(N, 2) pixels to (N, 3) unit directions in the rig's frame."""
@@ -63,11 +64,12 @@ class View:
         """
         points = np.atleast_2d(np.asarray(points, float))
         times = np.broadcast_to(np.asarray(times, float), points.shape[:1])
-        normal = self.boundaries[-1].normal if self.boundaries else self.rotation[:, 2]
+        last = self.boundaries[-1] if self.boundaries else None
+        normal = last.normal if isinstance(last, Boundary) else self.rotation[:, 2]
         straight = _turn(self.rotation.T, points - self.centre)
         seen = straight[:, 2] > 0
-        if self.boundaries:
-            seen &= dot(points, normal) > self.boundaries[-1].distance
+        if last is not None:
+            seen &= last.is_passed(points)
         tangents = np.full((len(points), 2), np.nan)
         tangents[seen] = straight[seen, :2] / straight[seen, 2:]
         active = np.flatnonzero(seen)
@@ -147,19 +149,21 @@ def _view(
     camera: PinholeCamera,
     rotation: Array,
     centre: Array,
-    port: FlatInterface | None,
+    port: Interface | None,
     interface: FlatInterface | None,
     waves: WaveField | None,
 ) -> View:
-    boundaries: list[Boundary] = []
-    if port is not None:
+    boundaries: list[Boundary | Sphere] = []
+    if isinstance(port, DomePort):
+        boundaries += _spheres(port, centre + rotation @ port.centre)
+    elif isinstance(port, FlatInterface):
         normal = rotation @ np.asarray(port.normal, float)
         boundaries += _boundaries(port, normal, float(port.distance + normal @ centre), None)
     if interface is not None:
         normal = np.asarray(interface.normal, float)
         boundaries += _boundaries(interface, normal, float(interface.distance), waves)
     for boundary in boundaries[:1]:
-        if boundary.normal @ centre >= boundary.distance:
+        if boundary.is_passed(centre[None])[0]:
             msg = (
                 f'a camera at {np.round(centre, 4).tolist()} m lies beyond its interface: '
                 'give the interface a larger distance'
@@ -168,6 +172,14 @@ def _view(
     size = (int(camera.size[0]), int(camera.size[1]))
     lens = LENSES[camera.model](camera.matrix, camera.distortion, size)
     return View(lens, centre, rotation, tuple(boundaries))
+
+
+def _spheres(dome: DomePort, centre: Array) -> list[Sphere]:
+    radii = dome.radius, dome.radius + dome.thickness
+    return [
+        Sphere(centre, radius, float(dome.indices[number]), float(dome.indices[number + 1]))
+        for number, radius in enumerate(radii)
+    ]
 
 
 def _boundaries(

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from binopos_ros.simulation.backdrop import Basin
-from binopos_ros.simulation.medium import Boundary, Rays
+from binopos_ros.simulation.medium import Boundary, Rays, Sphere
 from binopos_ros.simulation.raster import Box, interpolate
 from binopos_ros.simulation.sensor import Image
 
@@ -63,9 +63,9 @@ class WavyRegion:
         np.copyto(light[self.box.rows_and_columns], colours, where=self._inside[..., None])
 
 
-def single_precision(boundary: Boundary) -> Boundary:
+def single_precision(boundary: Boundary | Sphere) -> Boundary | Sphere:
     """The boundary with waves fast enough to redraw a background in every picture."""
-    if boundary.waves is None:
+    if isinstance(boundary, Sphere) or boundary.waves is None:
         return boundary
     return dataclasses.replace(
         boundary, waves=dataclasses.replace(boundary.waves, precision=np.float32)

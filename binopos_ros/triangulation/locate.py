@@ -169,7 +169,7 @@ class Locator:
             offsets = ball_outline_offsets(self.rig.project, near, target.diameter)
             return views[0] - offsets[0], views[1] - offsets[1], views[2], views[3]
         nearest = self.rig.interface or self.rig.left_port
-        flat = nearest.normal if nearest is not None else np.array([0.0, 0.0, 1.0])
+        flat = nearest.axis if nearest is not None else np.array([0.0, 0.0, 1.0])
         normal = np.array(target.normal) if target.normal else flat
         left, right = to_disc_centres(self.rig.project, views[:2], near, normal, target.diameter)
         return left, right, views[2], views[3]

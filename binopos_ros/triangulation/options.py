@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.optics import FlatInterface, OpticsError
+from binopos_ros.optics import DomePort, FlatInterface, OpticsError
 from binopos_ros.optics.disc import unit_vector
+from binopos_ros.optics.interface import Interface
 from binopos_ros.parameters import UnfinishedError, check_options, option
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
@@ -17,6 +18,7 @@ from binopos_ros.triangulation.medium import may_wave
 from binopos_ros.triangulation.seawater import index_prior
 
 METHODS = ('refractive', 'paper', 'straight')
+FLAT, DOME = 'flat', 'dome'
 
 
 class HalfGivenError(TriangulationError, UnfinishedError):
@@ -68,6 +70,62 @@ class InterfaceOptions:
             )
             raise TriangulationError(msg)
         return interface
+
+
+@dataclass(frozen=True)
+class PortOptions(InterfaceOptions):
+    """One camera's port, a flat pane or a dome. All empty: there is none."""
+
+    shape: str = option(
+        FLAT,
+        'flat: a pane, given by normal and distance; dome: two concentric spheres around the '
+        'camera, given by centre and radius',
+        choices=(FLAT, DOME),
+    )
+    centre: tuple[float, ...] = option(
+        (), "centre of a dome's spheres in the camera's frame, 3 numbers", 'm'
+    )
+    radius: float = option(0.0, "of a dome's inner sphere", 'm', (0.0, 10.0))
+
+    def build(self, name: str) -> Interface | None:
+        """The port, or None where nothing was given.
+
+        Raises:
+            HalfGivenError: the port is half given, or parts of both shapes are.
+            TriangulationError, OpticsError: its values make no port.
+        """
+        return self._dome(name) if self.shape == DOME else self._pane(name)
+
+    def _pane(self, name: str) -> FlatInterface | None:
+        if self.centre or self.radius:
+            given = 'centre' if self.centre else 'radius'
+            msg = f'{name}.{given} belongs to a dome: set {name}.shape to {DOME}'
+            raise HalfGivenError(msg)
+        return super().build(name)  # type: ignore[return-value]
+
+    def _dome(self, name: str) -> DomePort:
+        if self.normal or self.distance:
+            given = 'normal' if self.normal else 'distance'
+            msg = (
+                f'{name}.{given} belongs to a flat port: leave it out, a dome has {name}.centre '
+                f'and {name}.radius'
+            )
+            raise HalfGivenError(msg)
+        if len(self.centre) != 3 or not self.radius:
+            missing = 'radius' if len(self.centre) == 3 else 'centre'
+            msg = (
+                f'{name}.{missing} is missing: a dome needs {name}.centre (three numbers, m, in '
+                f"the camera's frame) and {name}.radius (m)"
+            )
+            raise HalfGivenError(msg)
+        if len(self.thicknesses) != 1 or len(self.indices) != 3:
+            msg = (
+                f'{name}.indices has {len(self.indices)} media and {name}.thicknesses '
+                f'{len(self.thicknesses)} layers: a dome needs three indices (inside it, its '
+                'wall, beyond) and one thickness'
+            )
+            raise HalfGivenError(msg)
+        return DomePort(self.centre, self.radius, self.thicknesses[0], self.indices)
 
 
 @dataclass(frozen=True)
@@ -273,8 +331,8 @@ class TriangulatorOptions(LocatorOptions):
         'calibration is taken for exact',
     )
     interface: InterfaceOptions = field(default_factory=InterfaceOptions)
-    left_port: InterfaceOptions = field(default_factory=InterfaceOptions)
-    right_port: InterfaceOptions = field(default_factory=InterfaceOptions)
+    left_port: PortOptions = field(default_factory=PortOptions)
+    right_port: PortOptions = field(default_factory=PortOptions)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -300,7 +358,7 @@ class TriangulatorOptions(LocatorOptions):
 
     def interfaces(
         self,
-    ) -> tuple[FlatInterface | None, FlatInterface | None, FlatInterface | None]:
+    ) -> tuple[FlatInterface | None, Interface | None, Interface | None]:
         """The shared interface, the left port and the right port.
 
         Raises:

@@ -27,6 +27,12 @@ def bent_rig(request: pytest.FixtureRequest) -> StereoRig:
     return RIGS[request.param]
 
 
+@pytest.fixture(params=[name for name in RIGS if name != 'air' and 'dome' not in name])
+def flat_rig(request: pytest.FixtureRequest) -> StereoRig:
+    """One rig with flat surfaces alone after another."""
+    return RIGS[request.param]
+
+
 @pytest.fixture
 def crossed() -> StereoRig:
     """Ports before a wall that leans against them."""

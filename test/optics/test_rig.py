@@ -99,10 +99,10 @@ def fermat(rig: StereoRig, side: int, point: np.ndarray) -> np.ndarray:
     return (rig.left, rig.right)[side].project(first)
 
 
-def test_the_ray_is_the_path_of_least_time(bent_rig: StereoRig, points: np.ndarray) -> None:
+def test_the_ray_is_the_path_of_least_time(flat_rig: StereoRig, points: np.ndarray) -> None:
     some = points[:6]
-    for side, pixels in enumerate(bent_rig.project(some)):
-        expected = np.array([fermat(bent_rig, side, point) for point in some])
+    for side, pixels in enumerate(flat_rig.project(some)):
+        expected = np.array([fermat(flat_rig, side, point) for point in some])
         np.testing.assert_allclose(pixels, expected, atol=1e-7)
 
 

@@ -157,6 +157,15 @@ def test_the_parameter_file_holds_the_interface(bag: Path) -> None:
     block = parameters['/**/triangulator']['ros__parameters']
     assert set(block) == {'left_port', 'right_port', 'target'}
     assert block['right_port']['thicknesses'] == [0.01]
+    parameters = yaml.safe_load(parameter_file(PRESETS['domes'].make(Choices())))
+    block = parameters['/**/triangulator']['ros__parameters']['left_port']
+    assert block == {
+        'shape': 'dome',
+        'centre': [0.0012, -0.0008, 0.0031],
+        'radius': 0.05,
+        'thicknesses': [0.005],
+        'indices': [1.0, 1.49, 1.335],
+    }
 
 
 def test_a_single_file_has_its_companions_beside_it(tmp_path: Path) -> None:

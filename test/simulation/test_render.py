@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from binopos_ros.optics import PinholeCamera, StereoRig
 from binopos_ros.simulation.backdrop import OpenWater
 from binopos_ros.simulation.disc_painter import half_plane_coverage
-from binopos_ros.simulation.presets import Choices, ports, washbowl
+from binopos_ros.simulation.presets import Choices, domes, ports, washbowl
 from binopos_ros.simulation.raster import NODE_SPACING, interpolate
 from binopos_ros.simulation.render import Renderer
 from binopos_ros.simulation.scene import Scene
@@ -107,9 +107,9 @@ def test_a_tilted_disc_in_the_bowl_is_unbiased(side: int, tilt: float) -> None:
     assert area == pytest.approx(expected_area, rel=1e-3)
 
 
-@pytest.mark.parametrize('diameter', [0.01, 0.08])
-def test_a_disc_behind_the_ports_is_unbiased(diameter: float) -> None:
-    scene = ports()
+@pytest.mark.parametrize(('make', 'diameter'), [(ports, 0.01), (ports, 0.08), (domes, 0.08)])
+def test_a_disc_behind_the_ports_is_unbiased(make: type, diameter: float) -> None:
+    scene = make()
     position, normal = (values[0] for values in scene.path.poses(1.3))
     scene = lit_disc(scene, diameter, position, normal, 0.0)
     found, area = centre_and_area(Renderer(scene, 1).light(1.3))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics import DomePort, FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.simulation.errors import SimulationError
-from binopos_ros.simulation.presets import Choices, ports, washbowl
+from binopos_ros.simulation.presets import Choices, domes, ports, washbowl
 from binopos_ros.simulation.view import views_of
 from binopos_ros.simulation.waves import WaveSpectrum
 
 
-@pytest.mark.parametrize('make', [washbowl, ports])
+@pytest.mark.parametrize('make', [washbowl, ports, domes])
 def test_the_trace_of_an_apparent_pixel_passes_through_the_point(make: type) -> None:
     scene = make(Choices())
     times = np.linspace(0, 9, 40)
@@ -41,7 +41,12 @@ def test_the_same_holds_through_waves() -> None:
 
 @pytest.mark.parametrize(
     ('make', 'choices'),
-    [(washbowl, Choices()), (washbowl, Choices(salt=1.37)), (ports, Choices())],
+    [
+        (washbowl, Choices()),
+        (washbowl, Choices(salt=1.37)),
+        (ports, Choices()),
+        (domes, Choices()),
+    ],
 )
 def test_the_optics_room_projects_to_the_same_pixels(make: type, choices: Choices) -> None:
     """Two derivations that share no code: the forward solution and the backward trace."""
@@ -77,6 +82,18 @@ def test_waves_displace_by_the_first_order_rule() -> None:
     expected = depth * (1 - 1 / 1.333) * np.column_stack([slope_x, slope_y])
     scale = np.abs(expected).max()
     np.testing.assert_allclose(shift, -expected, atol=0.03 * scale)
+
+
+def test_a_dome_before_a_wall_is_seen_as_the_optics_room_sees_it() -> None:
+    rig = domes().rig
+    wall = FlatInterface([0.1, 0.05, 1.0], 0.5, (1.335, 1.49, 1.0), (0.02,))
+    housed = StereoRig(
+        rig.left, rig.right, rig.rotation, rig.translation, wall, rig.left_port, rig.right_port
+    )
+    assert isinstance(housed.left_port, DomePort)
+    points = np.random.default_rng(2).uniform([-0.4, -0.3, 0.7], [0.4, 0.3, 1.5], (60, 3))
+    for view, expected in zip(views_of(housed), housed.project(points), strict=True):
+        np.testing.assert_allclose(view.apparent(points, 0.0), expected, atol=1e-7)
 
 
 def test_points_behind_the_camera_or_above_the_water_have_no_pixel() -> None:

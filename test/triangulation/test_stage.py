@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from binopos_ros.optics import CameraInfo, FlatInterface, OpticsError, PinholeCamera, StereoRig
-from binopos_ros.parameters import build
+from binopos_ros.optics import (
+    CameraInfo,
+    DomePort,
+    FlatInterface,
+    OpticsError,
+    PinholeCamera,
+    StereoRig,
+)
+from binopos_ros.parameters import UnfinishedError, build
 from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
@@ -72,6 +79,63 @@ def test_a_pair_gives_one_position_with_the_left_images_stamp_and_frame():
     np.testing.assert_allclose(found.point, POINT, atol=1e-9)
     assert np.linalg.eigvalsh(found.covariance).min() > 0
     assert (found.index.mean, found.index.std, found.index.observed) == (1.333, 0.0, False)
+
+
+DOME = {
+    'shape': 'dome',
+    'centre': [0.001, -0.002, 0.004],
+    'radius': 0.05,
+    'thicknesses': [0.007],
+    'indices': [1.0, 1.49, 1.333],
+}
+
+
+def domed(**changes) -> dict:
+    return {
+        f'{side}_port.{name}': value
+        for side in ('left', 'right')
+        for name, value in {**DOME, **changes}.items()
+        if value is not None
+    }
+
+
+def test_domes_of_a_parameter_file_are_looked_through():
+    stage = Triangulator(build(TriangulatorOptions, domed()))
+    calibrate(stage)
+    camera = PinholeCamera(np.reshape(K, (3, 3)), np.zeros(5), (1280, 960))
+    dome = DomePort(DOME['centre'], 0.05, 0.007, (1.0, 1.49, 1.333))
+    domes = StereoRig(camera, camera, np.eye(3), [-BASELINE, 0, 0], None, dome, dome)
+    pixels = zip(('left', 'right'), domes.project(POINT), strict=True)
+    covariance = 0.05**2 * np.eye(2)
+    (found,) = feed(
+        stage, {side: Centroid(5, 'camera', pixel, covariance, 40.0) for side, pixel in pixels}
+    )
+    np.testing.assert_allclose(found.point, POINT, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'words'),
+    [
+        ({'shape': 'flat'}, r'left_port\.centre belongs to a dome'),
+        ({'shape': None}, r'left_port\.centre belongs to a dome'),
+        ({'centre': None}, r'left_port\.centre is missing'),
+        ({'centre': [0.0, 0.0]}, r'left_port\.centre is missing'),
+        ({'radius': None}, r'left_port\.radius is missing'),
+        ({'thicknesses': None}, 'three indices .* and one thickness'),
+        ({'indices': [1.0, 1.333]}, 'three indices .* and one thickness'),
+        ({'normal': [0.0, 0.0, 1.0]}, r'left_port\.normal belongs to a flat port'),
+        ({'distance': 0.1}, r'left_port\.distance belongs to a flat port'),
+    ],
+)
+def test_a_dome_that_is_half_given_waits_for_the_rest(changes, words):
+    with pytest.raises(UnfinishedError, match=words) as caught:
+        build(TriangulatorOptions, domed(**changes))
+    assert '\n' not in str(caught.value)
+
+
+def test_a_dome_that_cannot_be_is_refused():
+    with pytest.raises(OpticsError, match='must stand inside its dome'):
+        build(TriangulatorOptions, domed(radius=0.003))
 
 
 def test_pairs_that_come_before_the_calibration_are_not_lost():

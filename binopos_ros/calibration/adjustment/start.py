@@ -53,15 +53,14 @@ def guess_pose(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> Pose |
     Args:
         points: (N, 3) board frame (m); pixels: (N, 2), nan where not seen.
     """
-    plane = _image_plane(camera, pixels)
-    seen = np.isfinite(plane).all(axis=1)
+    seen = np.isfinite(pixels).all(axis=1)
     if seen.sum() < FEWEST_POINTS:
         return None
     planar = np.ptp(points[seen][:, 2]) < 1e-12
     method = cv2.SOLVEPNP_IPPE if planar else cv2.SOLVEPNP_ITERATIVE
     origin = points[seen].mean(axis=0)
     found, rotation, translation = cv2.solvePnP(
-        points[seen] - origin, plane[seen], np.eye(3), None, flags=method
+        points[seen] - origin, pixels[seen], camera.matrix, camera.lens, flags=method
     )
     if not found or not np.isfinite(translation).all() or translation[2, 0] <= 0:
         return None
@@ -71,29 +70,21 @@ def guess_pose(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> Pose |
 
 def other_pose(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> Pose | None:
     """The second pose in which a planar board looks nearly the same, or None."""
-    plane = _image_plane(camera, pixels)
-    seen = np.isfinite(plane).all(axis=1)
+    seen = np.isfinite(pixels).all(axis=1)
     if seen.sum() < FEWEST_POINTS or np.ptp(points[seen][:, 2]) > 0:
         return None
     origin = points[seen].mean(axis=0)
     _, rotations, translations, _ = cv2.solvePnPGeneric(
         points[seen] - origin,
-        plane[seen],
-        np.eye(3),
-        None,
+        pixels[seen],
+        camera.matrix,
+        camera.lens,
         flags=cv2.SOLVEPNP_IPPE,
     )
     if len(rotations) < 2 or translations[1][2, 0] <= 0:
         return None
     matrix = np.asarray(cv2.Rodrigues(rotations[1])[0])
     return Pose(matrix, translations[1].ravel() - matrix @ origin)
-
-
-def _image_plane(camera: Camera, pixels: np.ndarray) -> np.ndarray:
-    """Where the rays of pixels (N, 2) meet the plane z = 1, (N, 2); nan where there are none."""
-    rays = camera.pinhole().unproject(pixels)
-    plane: np.ndarray = rays[:, :2] / rays[:, 2:]
-    return plane
 
 
 def straight_poses(air: RigState, views: Sequence[View]) -> list[Pose]:
