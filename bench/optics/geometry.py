@@ -22,7 +22,7 @@ import numpy as np
 
 import layer_stacks
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
-from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic
+from binopos_ros.optics.arithmetic import ARRAYS
 from binopos_ros.optics.stack import ParallelStack
 
 CAMERA = PinholeCamera([[800.0, 0, 640], [0, 800, 480], [0, 0, 1]], (), (1280, 960))
@@ -61,7 +61,7 @@ def steps(indices: tuple[float, ...], thicknesses: tuple[float, ...]) -> tuple[i
                     asked[0] += 1
                     return bool(condition)
 
-                counting = Arithmetic(ARRAYS.sqrt, max, min, count, ARRAYS.keep)
+                counting = ARRAYS._replace(maximum=max, minimum=min, any=count)
                 stack.slope(radius * radius, height, counting)
                 taken.append(asked[0])
     return max(taken), float(np.mean(taken))

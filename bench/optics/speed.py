@@ -4,6 +4,7 @@ Run as `python bench/optics/speed.py`; with `aquacal` installed in the same envi
 install aquacal) its columns are filled in, otherwise the table says so. The scene is the paper's:
 two cameras with five distortion terms, 230 mm apart, 0.8 m above water. OpenCV's functions know no
 refraction; they are here as the floor. Every figure is the best of several runs.
+The last table is of two housings with a port each: flat ones, domes, and both before a wall.
 """
 
 from __future__ import annotations
@@ -11,14 +12,17 @@ from __future__ import annotations
 import importlib.util
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import cv2
 import numpy as np
 
-from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics import DomePort, FlatInterface, PinholeCamera, StereoRig
+from binopos_ros.optics.interface import Interface
+from binopos_ros.optics.lens import EQUIDISTANT
 from binopos_ros.triangulation import triangulate
 
 INDEX = 1.333
@@ -96,8 +100,39 @@ def row(name: str, ours: float, peer: float | None, floor: float, count: int) ->
     print(f'{name:<34}{count / ours:>14,.0f} {known} {count / floor:>14,.0f}')
 
 
+def housings() -> None:
+    """Print what a port each costs, by its shape: us per point, and per live pair."""
+    glass = (1.0, 1.49, INDEX)
+    flat = [FlatInterface((x, 0.01, 1.0), 0.035, glass, (0.008,)) for x in (0.02, -0.01)]
+    domes = [DomePort((x, -0.001, 0.004), 0.05, 0.005, glass) for x in (0.002, -0.001)]
+    wall = FlatInterface((0.05, 0.02, 1.0), 0.5, (INDEX, 1.49, 1.0), (0.02,))
+    brown, wide = PinholeCamera(MATRIX, TERMS, SIZE), PinholeCamera(MATRIX, (), SIZE, EQUIDISTANT)
+    points = np.random.default_rng(0).uniform([-0.3, -0.3, 0.7], [0.5, 0.3, 1.5], (40_000, 3))
+    kinds: tuple[tuple[str, Sequence[Interface], FlatInterface | None, PinholeCamera], ...] = (
+        ('flat', flat, None, brown),
+        ('domes', domes, None, brown),
+        ('domes, wide lenses', domes, None, wide),
+        ('flat before a wall', flat, wall, brown),
+        ('domes before a wall', domes, wall, brown),
+    )
+    print(f'\n{"a port each":<24}{"project":>10}{"derivatives":>13}{"live pair":>11}   (us)')
+    for name, pair, surface, lens in kinds:
+        rig = StereoRig(lens, lens, np.eye(3), SHIFT, surface, *pair)
+        some = points[: 2000 if surface else None]
+        project = seconds(partial(rig.project, some), 7) / len(some)
+        slopes = seconds(partial(rig.differentiate, some), 7) / len(some)
+        seen = np.stack(rig.project(points[:40]), axis=1)
+
+        def live(rig: StereoRig = rig, seen: np.ndarray = seen) -> None:
+            for left, right in seen:
+                triangulate(rig, left, right, COVARIANCE, COVARIANCE)
+
+        pair_takes = seconds(live, 40) / len(seen)
+        print(f'{name:<24}{1e6 * project:>10.2f}{1e6 * slopes:>13.2f}{1e6 * pair_takes:>11.0f}')
+
+
 def main() -> None:
-    """Run everything and print one table."""
+    """Run everything and print the tables."""
     camera = PinholeCamera(MATRIX, TERMS, SIZE)
     surface = FlatInterface((0, 0, 1), SURFACE, (1.0, INDEX))
     rig = StereoRig(camera, camera, np.eye(3), SHIFT, surface)
@@ -147,6 +182,7 @@ def main() -> None:
     floor = one_by_one(opencv_triangulate)
     row('triangulate, one pair at a time', live, peer or None, floor, 1)
     print(f'\none live triangulation with covariance: {1e6 * live:.0f} us')
+    housings()
 
 
 if __name__ == '__main__':

@@ -1,4 +1,4 @@
-"""How near triangulation comes to what the pixels can tell: the Cramer-Rao bound, over ten rigs.
+"""How near triangulation comes to the Cramer-Rao bound of its pixels, over rigs of every kind.
 
 Run as `python bench/triangulation/bound.py [--points N]`. Random points, pixel noise of about
 0.1 px.
@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import numpy as np
 
-import ten_rigs
+import every_rig
 from binopos_ros.triangulation import triangulate
 
 LEFT = np.array([[0.010, 0.004], [0.004, 0.020]])  # px^2
@@ -35,13 +35,13 @@ def main() -> None:
     points = rng.uniform([-0.25, -0.25, 1.0], [0.4, 0.25, 1.6], (count, 3))
     print('| rig | bound, mm | RMS | NSE | straight, mm |')
     print('|---|---|---|---|---|')
-    for name, rig in ten_rigs.RIGS.items():
+    for name, rig in every_rig.RIGS.items():
         left, right = rig.project(points)
         left = left + rng.standard_normal(left.shape) @ np.linalg.cholesky(LEFT).T
         right = right + rng.standard_normal(right.shape) @ np.linalg.cholesky(RIGHT).T
         found = triangulate(rig, left, right, LEFT, RIGHT)
         errors = found.points - points
-        best = ten_rigs.inverse_information(rig, points, LEFT, RIGHT)
+        best = every_rig.inverse_information(rig, points, LEFT, RIGHT)
         bound = np.sqrt(np.trace(best, axis1=1, axis2=2).mean())
         rms = np.sqrt((errors**2).sum(axis=1).mean())
         squared = np.linalg.solve(found.covariances, errors[:, :, None])[:, :, 0]

@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=sorted(PRESETS),
         default='washbowl',
         help="washbowl: the paper's rig over a bowl of water, 1280x960; ports: two cameras behind "
-        'flat glass under water, 1280x960; domes: the same with wide lenses behind domes; demo: the '
+        'flat glass under water, 1280x960; domes: two with wide lenses behind domes; demo: the '
         'washbowl at 640x480 (default: washbowl)',
     )
     parser.add_argument(

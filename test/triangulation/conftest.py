@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from binopos_ros.optics import StereoRig
-from ten_rigs import RIGS, inverse_information
+from every_rig import RIGS, inverse_information
 
 
 @pytest.fixture(params=RIGS)
 def rig(request: pytest.FixtureRequest) -> StereoRig:
-    """One of ten rigs after another."""
+    """One rig after another."""
     return RIGS[request.param]
 
 

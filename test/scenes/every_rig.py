@@ -1,10 +1,16 @@
-"""Ten rigs, and the information that their pixels hold on a point, without the code under test."""
+"""Rigs of every kind, and what their pixels tell of a point, without the code under test."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig, graded_interface
+from binopos_ros.optics import (
+    DomePort,
+    FlatInterface,
+    PinholeCamera,
+    StereoRig,
+    graded_interface,
+)
 
 AIR, GLASS, WATER = 1.0, 1.46, 1.333
 
@@ -23,8 +29,16 @@ def lens(
     return PinholeCamera([[focal, 0, 640], [0, focal, 480], [0, 0, 1]], terms, (1280, 960))
 
 
+def wide_lens() -> PinholeCamera:
+    """A camera with an equidistant lens, which sees 75 degrees off its axis in the corners."""
+    terms = (0.012, -0.006, 0.002, -0.0003)
+    return PinholeCamera(
+        [[620, 0, 640], [0, 621, 480], [0, 0, 1]], terms, (1280, 960), 'equidistant'
+    )
+
+
 def make_rigs() -> dict[str, StereoRig]:
-    """Rigs from the washbowl of the paper to a housing before a leaning tank wall."""
+    """Rigs from the washbowl of the paper to domes and a housing before a leaning tank wall."""
     wide, apart = (np.eye(3), (-0.23, 0, 0)), (turn(0.02, 0.25), (-0.4, 0.01, 0.05))
     surface = FlatInterface((0, 0, 1), 0.8, (AIR, WATER))
     tilted = FlatInterface((0.3, -0.1, 1), 0.7, (AIR, WATER))
@@ -35,6 +49,8 @@ def make_rigs() -> dict[str, StereoRig]:
     leaning = FlatInterface((0.15, 0.1, 1), 0.6, (WATER, GLASS, AIR), (0.02,))
     salt = graded_interface((0, 0, 1), 0.6, AIR, lambda depth: WATER + 0.1 * depth, 0.3)
     level = FlatInterface((0, 0, 1), 0.02, (AIR, GLASS, WATER), (0.008,))
+    dome = DomePort((0.002, -0.003, 0.015), 0.05, 0.007, (AIR, GLASS, WATER))
+    other_dome = DomePort((-0.004, 0.002, -0.01), 0.06, 0.004, (AIR, GLASS, WATER))
     return {
         'air': StereoRig(lens(), lens(), *wide),
         'washbowl': StereoRig(lens(), lens(), *wide, surface),
@@ -47,6 +63,9 @@ def make_rigs() -> dict[str, StereoRig]:
         'ports': StereoRig(lens(), lens(), *apart, None, port, other),
         'ports before a wall': StereoRig(lens(), lens(), *wide, wall, level, level),
         'port before a leaning wall': StereoRig(lens(), lens(), *wide, leaning, level, other),
+        'wide lenses behind domes': StereoRig(
+            wide_lens(), wide_lens(), *wide, None, dome, other_dome
+        ),
         'salt gradient': StereoRig(lens(), lens(), *wide, salt),
     }
 
