@@ -150,9 +150,8 @@ class DomePath:
         end = 1.0 / where(abs(along) > TINY, along, TINY)
         low, high = where(along < 0.0, end, -math.inf), where(along > 0.0, end, math.inf)
         tau = 0.0 * distance
-        ray = self._ray(tau, at, arithmetic)
-        change = math.inf
         for _ in range(MAX_STEPS):
+            ray = self._ray(tau, at, arithmetic)
             further = tau - ray.miss / (ray.k * ray.k * ray.steep)
             short = ray.miss < 0.0
             low, high = where(short, tau, low), where(short, high, tau)
@@ -160,7 +159,7 @@ class DomePath:
             further = where(inside, further, 0.5 * (tau + where(short, high, low)))
             change = abs(further - tau) * ray.k * ray.k * self._offset
             tau = further
-            ray = self._ray(tau, at, arithmetic)
+            # The last step is too short to show in the derivatives, so the ray stays.
             if not arithmetic.any(change > SETTLED):
                 break
         return at, arithmetic.keep(tau, change <= SETTLED, TOTAL_REFLECTION), ray
@@ -171,7 +170,9 @@ class DomePath:
         k = 1.0 / sqrt(1.0 + tau * tau * square)
         p = self._first * (1.0 - tau * along) * k
         p2 = p * p * square
-        w0, w1, w2, w3 = (sqrt(maximum(s - p2, GRAZING * s)) for s in self._squares)
+        q0, q1, q2, q3 = self._squares
+        w0, w1 = sqrt(maximum(q0 - p2, GRAZING * q0)), sqrt(maximum(q1 - p2, GRAZING * q1))
+        w2, w3 = sqrt(maximum(q2 - p2, GRAZING * q2)), sqrt(maximum(q3 - p2, GRAZING * q3))
         # Turn by the inner sphere, then by the outer, then from the direction at the camera.
         c1, s1, c2, s2 = w0 * w1 + p2, p * (w0 - w1), w2 * w3 + p2, p * (w2 - w3)
         c, s = c1 * c2 - square * s1 * s2, c1 * s2 + s1 * c2
