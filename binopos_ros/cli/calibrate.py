@@ -17,7 +17,7 @@ from binopos_ros.calibration.cameras.stereo import calibrate_stereo
 from binopos_ros.calibration.check.daily import check
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface.calibrate import calibrate_interface
-from binopos_ros.calibration.interface.guesses import InterfaceGuess
+from binopos_ros.calibration.interface.guesses import Guess
 from binopos_ros.calibration.interface.priors import Media, guesses_from, parse_numbers
 from binopos_ros.calibration.live.guidance import Sizes, Solution, Solve
 from binopos_ros.calibration.live.session import LiveSession
@@ -43,7 +43,7 @@ from binopos_ros.parameters import build
 from binopos_ros.pipeline import make_platform
 from binopos_ros.sides import SIDES
 from binopos_ros.triangulation import triangulate
-from binopos_ros.triangulation.options import TriangulatorOptions
+from binopos_ros.triangulation.options import DOME, FLAT, TriangulatorOptions
 
 __all__ = ['HELP', 'add_arguments', 'main']
 
@@ -121,12 +121,15 @@ def _interface(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _guesses_of(arguments: argparse.Namespace) -> list[InterfaceGuess]:
-    def media(prefix: str) -> Media:
+def _guesses_of(arguments: argparse.Namespace) -> list[Guess]:
+    radius = _radius_of(arguments)
+
+    def media(prefix: str, radius: float | None = None) -> Media:
         indices, thicknesses = (f'{prefix}{word}' for word in ('indices', 'thicknesses'))
         return Media(
             parse_numbers(getattr(arguments, indices), f'--{indices.replace("_", "-")}'),
             parse_numbers(getattr(arguments, thicknesses), f'--{thicknesses.replace("_", "-")}'),
+            radius,
         )
 
     if not arguments.ports:
@@ -136,7 +139,18 @@ def _guesses_of(arguments: argparse.Namespace) -> list[InterfaceGuess]:
             )
         return guesses_from(media(''), None, arguments.prior)
     behind = media('surface_') if arguments.surface_indices else None
-    return guesses_from(behind, media(''), arguments.prior)
+    return guesses_from(behind, media('', radius), arguments.prior)
+
+
+def _radius_of(arguments: argparse.Namespace) -> float | None:
+    """The inner radius of domes, m; None where ports are flat."""
+    if arguments.shape == FLAT:
+        if arguments.radius:
+            raise CalibrationError(f'--radius is of domes: add --shape {DOME}')
+        return None
+    if not arguments.ports:
+        raise CalibrationError(f'--shape {DOME}: each camera has its own dome, so add --ports')
+    return float(arguments.radius)
 
 
 def _check(arguments: argparse.Namespace) -> int:

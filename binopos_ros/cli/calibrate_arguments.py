@@ -10,6 +10,7 @@ from binopos_ros.calibration.views.board import CHESSBOARD, KINDS
 from binopos_ros.cli.config import add_config_argument
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments
 from binopos_ros.sides import SIDES
+from binopos_ros.triangulation.options import DOME, FLAT
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,6 +62,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='a port for each camera: --indices and --thicknesses are theirs',
     )
     interface.add_argument(
+        '--shape',
+        choices=(FLAT, DOME),
+        default=FLAT,
+        help='of the ports: flat panes, or domes, whose centres are found (default: flat)',
+    )
+    interface.add_argument(
+        '--radius', type=float, default=0.0, metavar='M', help='of the domes, inner (m)'
+    )
+    interface.add_argument(
         '--surface-indices',
         default='',
         metavar='N1,N2,..',
@@ -77,6 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='NAME=VALUE,SD',
         help='measured by hand: distance=0.80,0.005 (m), target_index=1.333,0.001, '
         'thicknesses.0=0.006,0.0002, normal=0,0,1,2 (direction and degrees), '
+        'centre=0,0,0.002,0.001 and radius=0.05,0.0005 of domes, '
         'left_port.distance=..; repeatable, and enough without any pictures',
     )
     interface.add_argument(

@@ -15,6 +15,7 @@ import numpy as np
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.pose import Pose
 from binopos_ros.calibration.views.view import View
+from binopos_ros.optics import FlatInterface
 from binopos_ros.optics.rig_state import LEFT, RIGHT, Camera, RigState
 
 FEWEST_POINTS = 4
@@ -118,8 +119,10 @@ def _straight_pose(camera: Camera, view: View, side: int) -> Pose | None:
 
 def sunk(pose: Pose, view: View, state: RigState) -> Pose:
     """Push a board to the depth at which it would look as near as it does, and behind the
-    interface."""
+    interface. A dome shows it about where it is."""
     interface = state.interfaces[state.last_places[0]]
+    if not isinstance(interface, FlatInterface):
+        return pose
     normal = np.asarray(interface.normal)
     ratio = interface.indices[-1] / interface.indices[0]
     surface = interface.distance + sum(interface.thicknesses)

@@ -18,7 +18,7 @@ from binopos_ros.calibration.adjustment.noise import widened
 from binopos_ros.calibration.adjustment.start import other_pose, straight_poses, sunk
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface.guesses import (
-    InterfaceGuess,
+    Guess,
     check_places,
     prior_deviations,
     unknowns,
@@ -77,7 +77,7 @@ class InterfaceCalibration:
 def calibrate_interface(
     air: RigState,
     views: Sequence[View],
-    guesses: Sequence[InterfaceGuess],
+    guesses: Sequence[Guess],
     air_covariance: ParameterCovariance | None = None,
     free_cameras: bool = False,
     sigma: float | None = None,
@@ -134,7 +134,7 @@ def _refuse_misfit(
     fit: Adjustment,
     air: RigState,
     views: Sequence[View],
-    guesses: Sequence[InterfaceGuess],
+    guesses: Sequence[Guess],
     air_covariance: ParameterCovariance | None,
 ) -> None:
     """Say what is wrong where no interface explains the pictures.
@@ -221,7 +221,7 @@ def _drop(fit: Adjustment, views: Sequence[View], worst: int) -> Dropped:
 def _best_start(
     air: RigState,
     views: Sequence[View],
-    guesses: Sequence[InterfaceGuess],
+    guesses: Sequence[Guess],
     air_covariance: ParameterCovariance | None,
     free_cameras: bool,
     converged: float = NEARLY,
@@ -235,10 +235,7 @@ def _best_start(
     best: tuple[Adjustment, Prior] | None = None
     trouble = ''
     for fraction in FRACTIONS:
-        interfaces = {
-            guess.place: guess.interface(_first_distance(guess, fraction * nearest))
-            for guess in guesses
-        }
+        interfaces = {guess.place: guess.start(fraction * nearest) for guess in guesses}
         start = replace(air, interfaces=interfaces)
         poses = [sunk(pose, view, start) for pose, view in zip(straight, views, strict=True)]
         free, prior = unknowns(start, guesses, air_covariance, free_cameras)
@@ -260,18 +257,10 @@ def _best_start(
 
 def _ruler_only(
     air: RigState,
-    guesses: Sequence[InterfaceGuess],
+    guesses: Sequence[Guess],
     air_covariance: ParameterCovariance | None,
 ) -> InterfaceCalibration:
-    interfaces = {}
-    for guess in guesses:
-        if guess.distance is None:
-            raise CalibrationError(
-                f"without pictures the {guess.place}'s distance must be measured by hand: "
-                '--prior distance=0.80,0.005 (value and standard deviation in metres)'
-            )
-        interfaces[guess.place] = guess.interface(guess.distance)
-    state = replace(air, interfaces=interfaces)
+    state = replace(air, interfaces={guess.place: guess.by_hand() for guess in guesses})
     prior = prior_deviations(state, guesses)
     covariance = np.diag([prior.get(name, 0.0) ** 2 for name in state.names])
     if air_covariance is not None:
@@ -279,7 +268,3 @@ def _ruler_only(
             [name if name not in prior else '' for name in state.names]
         )
     return InterfaceCalibration(state, covariance, prior, None, ())
-
-
-def _first_distance(guess: InterfaceGuess, otherwise: float) -> float:
-    return guess.distance if guess.distance is not None else otherwise

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
 from binopos_ros.calibration.adjustment.adjust import Prior
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.optics import FlatInterface
+from binopos_ros.optics import DomePort, FlatInterface
 from binopos_ros.optics.covariance_file import ParameterCovariance
+from binopos_ros.optics.interface import Interface
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, TARGET_INDEX, RigState
 
 #: Where nothing was measured: standard deviations so wide that the pictures decide.
 UNKNOWN_NORMAL = 0.5  # rad
 UNKNOWN_DISTANCE = 10.0  # m
+UNKNOWN_CENTRE, UNKNOWN_RADIUS = 0.02, 0.001  # m
 UNKNOWN_INDEX = 0.1
 #: A ball shows the index so little that its outline's ellipse outweighs it: then it is taken for
 #: that of water, fresh or salt, unless it was measured.
@@ -28,33 +31,32 @@ PORT_TILT = 0.1  # rad
 
 
 @dataclass(frozen=True)
-class InterfaceGuess:
-    """What is known of an interface beforehand.
+class Guess:
+    """What is known of an interface beforehand, whatever its shape.
 
     Attributes:
         place: 'interface' (shared, rig frame), 'left_port' or 'right_port' (own camera's frame).
         indices: of the media, camera side first; the first is exact.
         thicknesses: of the layers in between (m).
-        distance: to the first surface (m), None where unknown.
-        normal: from the cameras into the target's medium.
-        deviations: standard deviations of what was measured: keys 'normal' (rad), 'distance' (m),
-            'target_index', and of the layers in between 'thicknesses.0' (m), 'indices.1' and so
-            on. What is not named takes `UNKNOWN_*`, a layer's own 1 % and `UNKNOWN_LAYER`.
+        deviations: standard deviations of what was measured: 'target_index', the keys of the shape
+            (`OWN`), and of the layers in between 'thicknesses.0' (m), 'indices.1' and so on. What
+            is not named takes that of `OWN`, a layer's own 1 % and `UNKNOWN_LAYER`.
     """
 
     place: str
     indices: tuple[float, ...]
     thicknesses: tuple[float, ...] = ()
-    distance: float | None = None
-    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    deviations: Mapping[str, float] = field(default_factory=dict)
+    deviations: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+
+    #: What the shape alone has, and its deviation where nothing was measured.
+    OWN: ClassVar[Mapping[str, float]] = {}
 
     def __post_init__(self) -> None:
         if self.place not in (SHARED, LEFT_PORT, RIGHT_PORT):
             raise CalibrationError(
                 f"place {self.place!r}: '{SHARED}', '{LEFT_PORT}' or '{RIGHT_PORT}'"
             )
-        known = {'normal', 'distance', TARGET_INDEX}
+        known = {*self.OWN, TARGET_INDEX}
         known |= {f'indices.{i}' for i in range(1, len(self.indices) - 1)}
         known |= {f'thicknesses.{i}' for i in range(len(self.thicknesses))}
         for name, deviation in self.deviations.items():
@@ -67,25 +69,121 @@ class InterfaceGuess:
                     f'{self.place}.{name}: standard deviation {deviation:g}: it must be above 0'
                 )
 
-    def interface(self, distance: float) -> FlatInterface:
-        """The interface at this guess."""
-        return FlatInterface(self.normal, distance, self.indices, self.thicknesses)
-
     def deviation(self, name: str) -> float:
         """The prior's standard deviation of one of this interface's parameters."""
-        if name.startswith('normal'):
-            return self.deviations.get('normal', UNKNOWN_NORMAL)
+        kind, _, number = name.partition('.')
+        if kind in self.OWN:
+            return self.deviations.get(kind, self.OWN[kind])
         if name in self.deviations:
             return self.deviations[name]
-        if name == 'distance':
-            return UNKNOWN_DISTANCE
         if name == TARGET_INDEX:
             return UNKNOWN_INDEX
-        kind, number = name.split('.')
         return 0.01 * self.thicknesses[int(number)] if kind == 'thicknesses' else UNKNOWN_LAYER
 
+    def weighs(self, name: str) -> bool:
+        """Whether what is known of one of its parameters counts in the adjustment."""
+        return True
 
-def check_places(guesses: Sequence[InterfaceGuess]) -> None:
+    def start(self, reach: float) -> Interface:
+        """The interface from which a descent begins; `reach` (m) guesses an unknown distance."""
+        raise NotImplementedError
+
+    def by_hand(self) -> Interface:
+        """The interface as measured, without pictures.
+
+        Raises:
+            CalibrationError: what matters most was not measured.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class InterfaceGuess(Guess):
+    """What is known of a flat interface.
+
+    Attributes:
+        distance: to the first surface (m), None where unknown.
+        normal: from the cameras into the target's medium. Deviations: 'normal' (rad), 'distance'
+            (m).
+    """
+
+    distance: float | None = None
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    OWN = {'normal': UNKNOWN_NORMAL, 'distance': UNKNOWN_DISTANCE}  # noqa: RUF012
+
+    def weighs(self, name: str) -> bool:
+        """A distance that was not measured does not."""
+        return name != 'distance' or self.distance is not None
+
+    def start(self, reach: float) -> FlatInterface:
+        """The interface at this guess."""
+        distance = reach if self.distance is None else self.distance
+        return FlatInterface(self.normal, distance, self.indices, self.thicknesses)
+
+    def by_hand(self) -> FlatInterface:
+        """The interface as measured.
+
+        Raises:
+            CalibrationError: without a distance.
+        """
+        if self.distance is None:
+            raise CalibrationError(
+                f"without pictures the {self.place}'s distance must be measured by hand: "
+                '--prior distance=0.80,0.005 (value and standard deviation in metres)'
+            )
+        return self.start(self.distance)
+
+
+@dataclass(frozen=True)
+class DomeGuess(Guess):
+    """What is known of a dome.
+
+    Attributes:
+        radius: of the inner sphere (m).
+        centre: in the camera's frame (m). Deviations: 'radius', 'centre' (m, in each direction).
+    """
+
+    radius: float = 0.0
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    OWN = {'centre': UNKNOWN_CENTRE, 'radius': UNKNOWN_RADIUS}  # noqa: RUF012
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.place == SHARED:
+            raise CalibrationError('a dome belongs to one camera: give --ports with --shape dome')
+        if len(self.indices) != 3 or len(self.thicknesses) != 1:
+            raise CalibrationError(
+                f'{self.place}: a dome needs three indices (inside it, its wall, beyond) and one '
+                f'thickness, not {len(self.indices)} and {len(self.thicknesses)}: '
+                '--indices 1.0,1.49,1.333 --thicknesses 0.005'
+            )
+        if not self.radius > 0.0:
+            raise CalibrationError(
+                f"{self.place}: the dome's inner radius is missing: --radius 0.050 (metres)"
+            )
+
+    def start(self, reach: float) -> DomePort:
+        """The dome at this guess."""
+        return DomePort(self.centre, self.radius, self.thicknesses[0], self.indices)
+
+    def by_hand(self) -> DomePort:
+        """The dome as measured.
+
+        Raises:
+            CalibrationError: without a centre.
+        """
+        if 'centre' not in self.deviations:
+            raise CalibrationError(
+                f"without pictures the {self.place}'s centre must be measured by hand: "
+                "--prior centre=0,0,0.003,0.0005 (in the camera's frame, and the standard "
+                'deviation, in metres)'
+            )
+        return self.start(0.0)
+
+
+def check_places(guesses: Sequence[Guess]) -> None:
     places = sorted(guess.place for guess in guesses)
     ports = [LEFT_PORT, RIGHT_PORT]
     if places not in ([SHARED], ports, [LEFT_PORT], [RIGHT_PORT], [SHARED, *ports]):
@@ -106,20 +204,23 @@ def check_places(guesses: Sequence[InterfaceGuess]) -> None:
 
 
 def _parted(
-    guesses: Sequence[InterfaceGuess],
-) -> tuple[list[InterfaceGuess], list[InterfaceGuess]]:
+    guesses: Sequence[Guess],
+) -> tuple[list[Guess], list[Guess]]:
     """The shared surface, and the ports."""
     shared = [guess for guess in guesses if guess.place == SHARED]
     return shared, [guess for guess in guesses if guess.place != SHARED]
 
 
-def with_known_ports(guesses: Sequence[InterfaceGuess]) -> list[InterfaceGuess]:
+def with_known_ports(guesses: Sequence[Guess]) -> list[Guess]:
     """Ports before a shared surface, with a rough place where none was measured."""
     shared, ports = _parted(guesses)
     if not shared:
         return ports
-    known = []
+    known: list[Guess] = []
     for port in ports:
+        if not isinstance(port, InterfaceGuess):
+            known.append(port)
+            continue
         deviations = {'normal': PORT_TILT, **port.deviations}
         if port.distance is None:
             deviations['distance'] = PORT_DISTANCE_DEVIATION
@@ -128,7 +229,7 @@ def with_known_ports(guesses: Sequence[InterfaceGuess]) -> list[InterfaceGuess]:
     return [*shared, *known]
 
 
-def with_assumed_index(guesses: Sequence[InterfaceGuess]) -> list[InterfaceGuess]:
+def with_assumed_index(guesses: Sequence[Guess]) -> list[Guess]:
     """Guesses for views of a ball: an index that was not measured is that given, nearly."""
     return [
         replace(guess, deviations={TARGET_INDEX: ASSUMED_INDEX, **guess.deviations})
@@ -138,7 +239,7 @@ def with_assumed_index(guesses: Sequence[InterfaceGuess]) -> list[InterfaceGuess
 
 def unknowns(
     start: RigState,
-    guesses: Sequence[InterfaceGuess],
+    guesses: Sequence[Guess],
     air_covariance: ParameterCovariance | None,
     free_cameras: bool,
 ) -> tuple[np.ndarray, Prior]:
@@ -159,14 +260,15 @@ def unknowns(
         inverse = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)
         information[np.ix_(cameras, cameras)] = inverse / np.outer(scale, scale)
         free[cameras] = True
-    measured = {f'{guess.place}.distance' for guess in guesses if guess.distance is not None}
+    of_place = {guess.place: guess for guess in guesses}
     for i, name in enumerate(names):
-        if name in prior and (name in measured or not name.endswith('.distance')):
+        place, _, parameter = name.partition('.')
+        if name in prior and (place not in of_place or of_place[place].weighs(parameter)):
             information[i, i] = prior[name] ** -2
     return free, Prior(start, information)
 
 
-def prior_deviations(state: RigState, guesses: Sequence[InterfaceGuess]) -> dict[str, float]:
+def prior_deviations(state: RigState, guesses: Sequence[Guess]) -> dict[str, float]:
     last = [guess for guess in guesses if guess.place in state.last_places]
     deviations = {TARGET_INDEX: min(guess.deviation(TARGET_INDEX) for guess in last)}
     for guess in guesses:

@@ -8,21 +8,26 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.interface.guesses import InterfaceGuess
+from binopos_ros.calibration.interface.guesses import DomeGuess, Guess, InterfaceGuess
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, TARGET_INDEX
 
 PLACES = (SHARED, LEFT_PORT, RIGHT_PORT)
+VECTORS = {'normal': 'normal=X,Y,Z,DEGREES', 'centre': 'centre=X,Y,Z,SD (metres)'}
 EXAMPLE = 'write NAME=VALUE,SD as in distance=0.80,0.005 (metres)'
 
 
 @dataclass(frozen=True)
 class Media:
-    """Indices of the media, camera side first, and thicknesses of the layers in between (m)."""
+    """Indices of the media, camera side first, and thicknesses of the layers in between (m).
+
+    radius: of the domes that part them (m, inner), None where they are flat.
+    """
 
     indices: Sequence[float]
     thicknesses: Sequence[float] = ()
+    radius: float | None = None
 
-    def guess(self, place: str) -> InterfaceGuess:
+    def guess(self, place: str) -> Guess:
         """An interface of which nothing else is known.
 
         Raises:
@@ -33,12 +38,11 @@ class Media:
                 f'{len(self.indices)} indices and {len(self.thicknesses)} thicknesses: give one '
                 'index per medium, camera side first, and a thickness for each layer in between'
             )
-        return InterfaceGuess(place, tuple(self.indices), tuple(self.thicknesses))
+        media = place, tuple(self.indices), tuple(self.thicknesses)
+        return InterfaceGuess(*media) if self.radius is None else DomeGuess(*media, self.radius)
 
 
-def guesses_from(
-    shared: Media | None, ports: Media | None, priors: Sequence[str]
-) -> list[InterfaceGuess]:
+def guesses_from(shared: Media | None, ports: Media | None, priors: Sequence[str]) -> list[Guess]:
     """The interfaces as they are known beforehand.
 
     Args:
@@ -50,7 +54,7 @@ def guesses_from(
     Raises:
         CalibrationError: a word that cannot be read, or media and layers that do not fit.
     """
-    guesses: dict[str, InterfaceGuess] = {}
+    guesses: dict[str, Guess] = {}
     if shared is not None:
         guesses[SHARED] = shared.guess(SHARED)
     if ports is not None:
@@ -98,20 +102,16 @@ def _split(word: str) -> tuple[str, list[float]]:
     return name.strip(), parse_numbers(values, f'--prior {name}')
 
 
-def _with_prior(
-    guess: InterfaceGuess, parameter: str, numbers: list[float], word: str
-) -> InterfaceGuess:
-    wanted = 4 if parameter == 'normal' else 2
+def _with_prior(guess: Guess, parameter: str, numbers: list[float], word: str) -> Guess:
+    wanted = 4 if parameter in VECTORS else 2
     if len(numbers) != wanted:
-        form = 'normal=X,Y,Z,DEGREES' if wanted == 4 else EXAMPLE
+        form = VECTORS.get(parameter, EXAMPLE)
         raise CalibrationError(f'--prior {word}: {len(numbers)} numbers; {form}')
     *value, deviation = numbers
     changes: dict[str, Any] = {}
-    if parameter == 'normal':
-        changes['normal'] = tuple(value)
-        deviation = math.radians(deviation)
-    elif parameter == 'distance':
-        changes['distance'] = value[0]
+    if parameter in guess.OWN:
+        changes[parameter] = tuple(value) if parameter in VECTORS else value[0]
+        deviation = math.radians(deviation) if parameter == 'normal' else deviation
     elif parameter == TARGET_INDEX:
         changes['indices'] = (*guess.indices[:-1], value[0])
     elif parameter.partition('.')[0] in ('thicknesses', 'indices'):
@@ -119,7 +119,7 @@ def _with_prior(
     return replace(guess, deviations={**guess.deviations, parameter: deviation}, **changes)
 
 
-def _layer(guess: InterfaceGuess, parameter: str, value: float, word: str) -> dict[str, Any]:
+def _layer(guess: Guess, parameter: str, value: float, word: str) -> dict[str, Any]:
     kind, _, number = parameter.partition('.')
     values = list(getattr(guess, kind))
     if not number.isdigit() or int(number) >= len(values):

@@ -69,17 +69,17 @@ def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Pat
     ]
     index = calibration.deviation(TARGET_INDEX)
     for place, interface in calibration.state.interfaces.items():
-        tilt = [calibration.deviation(f'{place}.normal.{i}') for i in (0, 1)]
-        distance = calibration.deviation(f'{place}.distance')
+        spreads: dict[str, list[float]] = {}
+        for name in calibration.state.names_of(place):
+            kind = name.split('.')[1]
+            spreads.setdefault(kind, []).append(calibration.deviation(name))
         remarks = {
-            'normal': f'+- {np.degrees(max(tilt)):.3f} deg',
-            'distance': f'm, +- {distance:.5f}',
-            'thicknesses': 'm, +- '
-            + ', '.join(
-                f'{calibration.deviation(f"{place}.thicknesses.{i}"):.5f}'
-                for i in range(len(interface.thicknesses))
-            ),
+            kind: 'm, +- ' + ', '.join(f'{one:.5f}' for one in spread)
+            for kind, spread in spreads.items()
+            if kind not in ('normal', 'indices')
         }
+        if 'normal' in spreads:
+            remarks['normal'] = f'+- {np.degrees(max(spreads["normal"])):.3f} deg'
         if place in calibration.state.last_places:
             remarks['indices'] = f'the last +- {index:.5f}'
         lines += interface_block(place, interface, remarks)

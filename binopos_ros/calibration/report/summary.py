@@ -74,14 +74,14 @@ def interface_rows(calibration: InterfaceCalibration) -> Rows:
         ]
     rows += [(TARGET_INDEX, f'{calibration.state.target_index:.5f}')]
     for place, interface in calibration.state.interfaces.items():
-        normal = ', '.join(f'{x:.5f}' for x in interface.normal)
-        rows += [
-            (f'{place}.normal', f'[{normal}]'),
-            (f'{place}.distance', f'{interface.distance:.5f} m'),
-        ]
-        rows += [
-            (f'{place}.thicknesses.{i}', f'{t:.5f} m') for i, t in enumerate(interface.thicknesses)
-        ]
+        for kind, value in interface.written.items():
+            unit = '' if kind == 'normal' else ' m'
+            if kind in ('normal', 'centre'):
+                rows.append((f'{place}.{kind}', f'[{", ".join(f"{x:.5f}" for x in value)}]{unit}'))
+            elif kind == 'thicknesses':
+                rows += [(f'{place}.{kind}.{i}', f'{t:.5f} m') for i, t in enumerate(value)]
+            elif kind in ('distance', 'radius'):
+                rows.append((f'{place}.{kind}', f'{value:.5f} m'))
     return rows
 
 

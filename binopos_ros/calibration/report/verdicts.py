@@ -15,15 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
+from binopos_ros.calibration.report.domes import dome_verdict
 from binopos_ros.calibration.views.pairs import coverage
 from binopos_ros.calibration.views.pose import Pose
 from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import TARGET_INDEX
 
 DETERMINED, WEAK, PRIOR = 'determined', 'weakly determined', 'not determined'
+NOT_WORTH = 'not worth estimating'
 IMPROVED = 0.7  # times the prior's deviation: above it the pictures added next to nothing
-WANTED = {TARGET_INDEX: 0.005, 'normal': np.radians(0.2), 'distance': 0.006}
-LAYER_WANTED = {'thicknesses': 0.02, 'indices': 0.02}  # parts of the value
+WANTED = {TARGET_INDEX: 0.005, 'normal': np.radians(0.2), 'distance': 0.006, 'centre': 0.0005}
+LAYER_WANTED = {'thicknesses': 0.02, 'indices': 0.02, 'radius': 0.02}  # parts of the value
 FEW_VIEWS = 8
 LITTLE_TILT = 25.0  # degrees
 EMPTY = 0.5  # of the pictures' parts
@@ -35,6 +37,7 @@ BALL_REMEDIES = {
     'and the salinity of the water make it (--prior target_index=1.333,0.0005), or show a board',
     'distance': 'measure the distance with a ruler and give it as a prior, or show a board',
     'normal': 'show the target at more places, farther apart, or show a board',
+    'centre': 'show a board',
 }
 
 
@@ -45,7 +48,7 @@ class Verdict:
     Attributes:
         name: as in `RigState.names`.
         value, deviation: in SI units; a normal's value is its tilt from the optical axis (rad).
-        grade: `DETERMINED`, `WEAK` or `PRIOR`.
+        grade: `DETERMINED`, `WEAK`, `PRIOR` or `NOT_WORTH`.
         text: a sentence for people.
     """
 
@@ -60,7 +63,7 @@ class Verdict:
         """The value with its unit."""
         if '.normal.' in self.name:
             return f'{np.degrees(self.value):.2f} degrees off the optical axis'
-        if 'distance' in self.name or 'thicknesses' in self.name:
+        if _is_length(self.name):
             return f'{1000 * self.value:.2f} mm'
         return f'{self.value:.5f}'
 
@@ -73,6 +76,11 @@ class Verdict:
 def verdicts(calibration: InterfaceCalibration) -> list[Verdict]:
     """Judge every parameter of the interfaces."""
     found = []
+    domes = {
+        place: verdict
+        for place in calibration.state.interfaces
+        if (verdict := dome_verdict(calibration, place))
+    }
     for name in calibration.interface_names:
         deviation = calibration.deviation(name)
         prior = calibration.prior[name]
@@ -86,13 +94,16 @@ def verdicts(calibration: InterfaceCalibration) -> list[Verdict]:
         else:
             grade = PRIOR
         text = _sentence(calibration, name, deviation, grade, pictures)
+        place, _, parameter = name.partition('.')
+        if parameter.startswith('centre') and place in domes:
+            grade, text = NOT_WORTH, domes[place]
         found.append(Verdict(name, value, deviation, grade, text))
     return found
 
 
 def advice(calibration: InterfaceCalibration) -> str:
     """The next thing to do, or that nothing needs doing."""
-    worst = [verdict for verdict in verdicts(calibration) if verdict.grade != DETERMINED]
+    worst = [verdict for verdict in verdicts(calibration) if verdict.grade in (WEAK, PRIOR)]
     worst = [v for v in worst if v.name.split('.')[-2:-1] not in (['thicknesses'], ['indices'])]
     worst = [v for v in worst if not _is_of_a_plate(calibration, v.name)]
     if not worst:
@@ -125,21 +136,18 @@ def _value(calibration: InterfaceCalibration, name: str) -> float:
     if name == TARGET_INDEX:
         return calibration.state.target_index
     interface = calibration.state.interfaces[place]
-    if parameter == 'distance':
-        return interface.distance
-    kind, number = parameter.split('.')
+    kind, _, number = parameter.partition('.')
     if kind == 'normal':
-        return float(np.arccos(np.clip(interface.normal[2], -1.0, 1.0)))
-    values = interface.thicknesses if kind == 'thicknesses' else interface.indices
-    return float(values[int(number)])
+        return float(np.arccos(np.clip(interface.axis[2], -1.0, 1.0)))
+    return float(np.ravel(interface.written[kind])[int(number or 0)])
 
 
 def _wanted(name: str, value: float) -> float:
     parts = name.split('.')
     if parts[-1] in WANTED:
         return WANTED[parts[-1]]
-    if parts[1] == 'normal':
-        return WANTED['normal']
+    if parts[1] in WANTED:
+        return WANTED[parts[1]]
     return LAYER_WANTED[parts[1]] * abs(value)
 
 
@@ -165,7 +173,8 @@ def _remedy(calibration: InterfaceCalibration, name: str) -> str:
     parameter = name.partition('.')[2]
     if parameter.startswith(('thicknesses', 'indices')):
         return (
-            'the distance makes up for it, so positions hardly suffer; measure it with a caliper'
+            'what lies around it makes up for it, so positions hardly suffer; measure it with a '
+            'caliper'
         )
     if _is_of_a_plate(calibration, name):
         return (
@@ -177,13 +186,13 @@ def _remedy(calibration: InterfaceCalibration, name: str) -> str:
     boards = [(v, p) for v, p in zip(views, poses, strict=True) if v.turns]
     interface = calibration.state.interfaces[calibration.state.last_places[0]]
     if boards:
-        tilts = tilt_angles([pose for _, pose in boards], interface.normal)
+        tilts = tilt_angles([pose for _, pose in boards], interface.axis)
         if tilts.max() < LITTLE_TILT:
             return (
                 f'tilt the board by 30-45 degrees against the surface (here {tilts.min():.0f} to '
                 f'{tilts.max():.0f} degrees)'
             )
-    depths = depth_range(views, poses, interface.normal)
+    depths = depth_range(views, poses, interface.axis)
     if depths[1] - depths[0] < SHALLOW * depths[0]:
         return (
             f'show the target at other depths as well (here {1000 * depths[0]:.0f} to '
@@ -227,12 +236,14 @@ def _name_in_words(name: str) -> str:
         'left_port': 'the left port',
         'right_port': 'the right port',
     }[place]
-    if parameter == 'distance':
-        return f'The distance of {where}'
+    if parameter in ('distance', 'radius'):
+        return f'The {parameter} of {where}'
     kind, number = parameter.split('.')
     if kind == 'normal':
         axis = ('first', 'second')[int(number)]
         return f'The normal of {where} (about its {axis} axis)'
+    if kind == 'centre':
+        return f"The centre of {where}'s dome (along {'xyz'[int(number)]})"
     layer = {'thicknesses': int(number) + 1, 'indices': int(number)}[kind]
     words = {'thicknesses': 'thickness', 'indices': 'refractive index'}[kind]
     return f'The {words} of layer {layer} of {where}'
@@ -241,6 +252,10 @@ def _name_in_words(name: str) -> str:
 def _spread_in_words(name: str, deviation: float) -> str:
     if 'normal' in name:
         return f'{np.degrees(deviation):.2f} degrees'
-    if 'distance' in name or 'thicknesses' in name:
+    if _is_length(name):
         return f'{1000 * deviation:.2g} mm'
     return f'{deviation:.2g}'
+
+
+def _is_length(name: str) -> bool:
+    return any(kind in name for kind in ('distance', 'thicknesses', 'centre', 'radius'))
