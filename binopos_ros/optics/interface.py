@@ -41,16 +41,15 @@ class Walls(NamedTuple):
 
 
 class Interface(Protocol):
-    """Media one behind the other, whatever the shape of what parts them.
+    """Media one behind the other, whatever the shape of what parts them."""
 
-    Attributes:
-        indices: refractive indices of the media, the camera's first, the target's last.
-        thicknesses: of the layers in between, m.
+    @property
+    def indices(self) -> tuple[float, ...]:
+        """Refractive indices of the media, the camera's first, the target's last."""
 
-    """
-
-    indices: tuple[float, ...]
-    thicknesses: tuple[float, ...]
+    @property
+    def thicknesses(self) -> tuple[float, ...]:
+        """Of the layers in between, m."""
 
     @property
     def target_index(self) -> float:

@@ -140,7 +140,8 @@ class BehindDomePath:
         """Follow a ray, and its derivatives by turns about its two axes, to the last plane."""
         sqrt, keep = trial.sqrt, trial.keep
         x: Vector = (0.0 * u[0], 0.0 * u[0], 0.0 * u[0])
-        dx, du = (x, x), _across(u)
+        dx: tuple[Vector, ...] = (x, x)
+        du: tuple[Vector, ...] = _across(u)
         before = u
         for cx, cy, cz, radius, ratio in self._surfaces.spheres:
             r = (x[0] - cx, x[1] - cy, x[2] - cz)

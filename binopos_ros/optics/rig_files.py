@@ -99,7 +99,7 @@ def interface_block(
 def _yaml(value: str | float | Sequence[float]) -> str:
     if isinstance(value, str):
         return value
-    return repr(float(value)) if np.ndim(value) == 0 else yaml_numbers(value)
+    return repr(float(value)) if isinstance(value, float) else yaml_numbers(value)
 
 
 def yaml_numbers(values: ArrayLike) -> str:

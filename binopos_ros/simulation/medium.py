@@ -43,9 +43,10 @@ class Boundary:
         """Two unit vectors that span the plane; the waves' x and y."""
         return plane_axes(self.normal)
 
-    def is_passed(self, points: Array) -> Array:
+    def is_passed(self, points: Array) -> NDArray[np.bool_]:
         """Which of points (N, 3) lie beyond it."""
-        return dot(points, self.normal) > self.distance
+        passed: NDArray[np.bool_] = dot(points, self.normal) > self.distance
+        return passed
 
     def calm(self) -> Boundary:
         """The same without waves."""
@@ -71,10 +72,11 @@ class Sphere:
     index_before: float
     index_after: float
 
-    def is_passed(self, points: Array) -> Array:
+    def is_passed(self, points: Array) -> NDArray[np.bool_]:
         """Which of points (N, 3) lie beyond it."""
         offset = points - self.centre
-        return dot(offset, offset) > self.radius**2
+        passed: NDArray[np.bool_] = dot(offset, offset) > self.radius**2
+        return passed
 
     def calm(self) -> Sphere:
         """The same: no waves run on glass."""

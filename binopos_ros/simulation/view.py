@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 NEWTON_STEPS = 25
 #: Step of the finite differences, in tangents of the viewing angle.
 DIFFERENCE = 1e-6
-LENSES = {BROWN: Lens, EQUIDISTANT: WideLens}
+LENSES: dict[str, type[Lens] | type[WideLens]] = {BROWN: Lens, EQUIDISTANT: WideLens}
 
 
 @dataclasses.dataclass(frozen=True)

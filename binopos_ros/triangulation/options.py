@@ -87,7 +87,7 @@ class PortOptions(InterfaceOptions):
     )
     radius: float = option(0.0, "of a dome's inner sphere", 'm', (0.0, 10.0))
 
-    def build(self, name: str) -> Interface | None:
+    def port(self, name: str) -> Interface | None:
         """The port, or None where nothing was given.
 
         Raises:
@@ -101,7 +101,7 @@ class PortOptions(InterfaceOptions):
             given = 'centre' if self.centre else 'radius'
             msg = f'{name}.{given} belongs to a dome: set {name}.shape to {DOME}'
             raise HalfGivenError(msg)
-        return super().build(name)  # type: ignore[return-value]
+        return self.build(name)
 
     def _dome(self, name: str) -> DomePort:
         if self.normal or self.distance:
@@ -365,8 +365,8 @@ class TriangulatorOptions(LocatorOptions):
             UnfinishedError: one of them is half given.
             TriangulationError, OpticsError: one of them is impossible.
         """
-        left = self.left_port.build('left_port')
-        right = self.right_port.build('right_port')
+        left = self.left_port.port('left_port')
+        right = self.right_port.port('right_port')
         if (left is None) != (right is None):
             msg = 'left_port and right_port go together: give both or neither'
             raise HalfGivenError(msg)

@@ -15,6 +15,8 @@ from binopos_ros.optics.rig_state import LEFT, RIGHT, TARGET_INDEX, logarithm
 from binopos_ros.sides import SIDES
 
 Rows = list[tuple[str, str]]
+#: What of an interface stands in the summary; the target's index is a row of its own.
+SHOWN = ('normal', 'distance', 'centre', 'radius', 'thicknesses')
 
 
 def summarise_stereo(calibration: StereoCalibration) -> str:
@@ -75,13 +77,14 @@ def interface_rows(calibration: InterfaceCalibration) -> Rows:
     rows += [(TARGET_INDEX, f'{calibration.state.target_index:.5f}')]
     for place, interface in calibration.state.interfaces.items():
         for kind, value in interface.written.items():
-            unit = '' if kind == 'normal' else ' m'
-            if kind in ('normal', 'centre'):
-                rows.append((f'{place}.{kind}', f'[{", ".join(f"{x:.5f}" for x in value)}]{unit}'))
-            elif kind == 'thicknesses':
-                rows += [(f'{place}.{kind}.{i}', f'{t:.5f} m') for i, t in enumerate(value)]
-            elif kind in ('distance', 'radius'):
-                rows.append((f'{place}.{kind}', f'{value:.5f} m'))
+            numbers = [f'{number:.5f}' for number in np.ravel(value)] if kind in SHOWN else []
+            if kind == 'thicknesses':
+                rows += [(f'{place}.{kind}.{i}', f'{t} m') for i, t in enumerate(numbers)]
+            elif len(numbers) == 1:
+                rows.append((f'{place}.{kind}', f'{numbers[0]} m'))
+            elif numbers:
+                unit = '' if kind == 'normal' else ' m'
+                rows.append((f'{place}.{kind}', f'[{", ".join(numbers)}]{unit}'))
     return rows
 
 
