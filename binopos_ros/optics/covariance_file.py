@@ -47,7 +47,8 @@ class ParameterCovariance:
 def write_covariance(path: Path, state: RigState, covariance: np.ndarray) -> None:
     """Write the covariance (P, P) of `state`'s parameters; numbers read back to the last bit."""
     lines = ['names:', *(f'- {name}' for name in state.names), 'covariance:']
-    for row in covariance:
+    # Rounding leaves the two halves a little apart, where one deviation is far below another.
+    for row in 0.5 * (covariance + covariance.T):
         lines.append(f'- [{", ".join(repr(float(value)) for value in row)}]')
     try:
         path.write_text(HEADER + '\n'.join(lines) + '\n', encoding='utf-8')
