@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from binopos_ros.optics import FlatInterface, OpticsError, PinholeCamera, StereoRig
+from binopos_ros.optics import DomePort, FlatInterface, OpticsError, PinholeCamera, StereoRig
 from binopos_ros.optics.ball import ball_outline_offsets
 
 FOCAL, PRINCIPAL = 900.0, np.array([319.5, 239.5])
@@ -61,6 +61,30 @@ def test_under_water_lines_of_sight_touch_the_ball_along_the_outline(tilt):
             near, far = (near, half) if passes_by(middle + half * way) > 0 else (half, far)
         outline.append(near * way)
     x, y = np.array(outline).T
+    nx, ny = np.roll(x, -1), np.roll(y, -1)
+    cross = x * ny - nx * y
+    truth = np.array([(x + nx) @ cross, (y + ny) @ cross]) / (3 * cross.sum())
+    assert np.linalg.norm(truth) > 0.1
+    assert offset == pytest.approx(truth, abs=2e-3)
+
+
+def test_behind_a_dome_lines_of_sight_touch_the_ball_along_the_outline():
+    dome = DomePort((0.01, -0.02, 0.015), 0.05, 0.006, (1.0, 1.49, 1.333))
+    camera = PinholeCamera(MATRIX, (), (640, 480))
+    rig = StereoRig(camera, camera, np.eye(3), -TO_THE_RIGHT, None, dome, dome)
+    centre, radius = np.array([0.15, 0.1, 0.7]), 0.04
+    (middle,) = rig.project(centre[None])[0]
+    offset = ball_outline_offsets(rig.project, centre, 2 * radius)[0]
+    angles = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    ways = np.column_stack([np.cos(angles), np.sin(angles)])
+    near, far = np.zeros(400), np.full(400, 120.0)
+    for _ in range(45):
+        half = (near + far) / 2
+        pixels = middle + half[:, None] * ways
+        (start, along), _ = rig.back_project(pixels, pixels)
+        passes = np.linalg.norm(np.cross(centre - start, along), axis=1) > radius
+        near, far = np.where(passes, near, half), np.where(passes, half, far)
+    x, y = (near[:, None] * ways).T
     nx, ny = np.roll(x, -1), np.roll(y, -1)
     cross = x * ny - nx * y
     truth = np.array([(x + nx) @ cross, (y + ny) @ cross]) / (3 * cross.sum())

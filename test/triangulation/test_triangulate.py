@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.triangulation import TriangulationError, triangulate
+from every_rig import RIGS
 
 Scatter = Callable[[int], np.ndarray]
 Bound = Callable[..., np.ndarray]
@@ -99,21 +100,34 @@ def test_the_point_is_the_minimum_that_scipy_finds(rig: StereoRig, scatter: Scat
         )
 
 
-def test_parameter_uncertainty_is_added_as_simulation_shows(washbowl: StereoRig) -> None:
+SURFACE = {
+    'target_index': 2e-3,
+    'interface.distance': 1e-3,
+    'interface.normal.0': 2e-3,
+    'interface.normal.1': 3e-3,
+}
+CENTRES = {f'{side}_port.centre.{i}': 2e-4 for side in ('left', 'right') for i in range(3)}
+
+
+@pytest.mark.parametrize(
+    ('name', 'sigmas'), [('washbowl', SURFACE), ('wide lenses behind domes', CENTRES)]
+)
+def test_parameter_uncertainty_is_added_as_simulation_shows(
+    name: str, sigmas: dict[str, float]
+) -> None:
     """Triangulate with rigs drawn from the parameters' distribution: the scatter is predicted."""
+    rig = RIGS[name]
     point = np.array([0.1, 0.15, 1.2])
-    pixels = washbowl.project(point)
-    names = washbowl.parameter_names
-    sigmas = {'target_index': 2e-3, 'interface.distance': 1e-3, 'interface.normal.0': 2e-3}
-    sigmas['interface.normal.1'] = 3e-3
+    pixels = rig.project(point)
+    names = rig.parameter_names
     std = np.array([sigmas.get(name, 0.0) for name in names])
-    known = triangulate(washbowl, *pixels, LEFT, RIGHT)
-    unsure = triangulate(washbowl, *pixels, LEFT, RIGHT, parameter_covariance=np.diag(std**2))
+    known = triangulate(rig, *pixels, LEFT, RIGHT)
+    unsure = triangulate(rig, *pixels, LEFT, RIGHT, parameter_covariance=np.diag(std**2))
     rng = np.random.default_rng(2)
     cloud = np.array(
         [
             triangulate(
-                washbowl.perturbed(std * rng.standard_normal(len(names))), *pixels, LEFT, RIGHT
+                rig.perturbed(std * rng.standard_normal(len(names))), *pixels, LEFT, RIGHT
             ).points
             for _ in range(800)
         ]
