@@ -42,7 +42,7 @@ class InterfaceOptions:
         (), 'of the layers between the first and the last medium', 'm', (0.0, 100.0)
     )
 
-    def build(self, name: str) -> FlatInterface | None:
+    def build(self, name: str) -> Interface | None:
         """The interface, or None where nothing was given.
 
         Raises:
@@ -87,7 +87,7 @@ class PortOptions(InterfaceOptions):
     )
     radius: float = option(0.0, "of a dome's inner sphere", 'm', (0.0, 10.0))
 
-    def port(self, name: str) -> Interface | None:
+    def build(self, name: str) -> Interface | None:
         """The port, or None where nothing was given.
 
         Raises:
@@ -96,12 +96,12 @@ class PortOptions(InterfaceOptions):
         """
         return self._dome(name) if self.shape == DOME else self._pane(name)
 
-    def _pane(self, name: str) -> FlatInterface | None:
+    def _pane(self, name: str) -> Interface | None:
         if self.centre or self.radius:
             given = 'centre' if self.centre else 'radius'
             msg = f'{name}.{given} belongs to a dome: set {name}.shape to {DOME}'
             raise HalfGivenError(msg)
-        return self.build(name)
+        return super().build(name)
 
     def _dome(self, name: str) -> DomePort:
         if self.normal or self.distance:
@@ -365,9 +365,11 @@ class TriangulatorOptions(LocatorOptions):
             UnfinishedError: one of them is half given.
             TriangulationError, OpticsError: one of them is impossible.
         """
-        left = self.left_port.port('left_port')
-        right = self.right_port.port('right_port')
+        left = self.left_port.build('left_port')
+        right = self.right_port.build('right_port')
         if (left is None) != (right is None):
             msg = 'left_port and right_port go together: give both or neither'
             raise HalfGivenError(msg)
-        return self.interface.build('interface'), left, right
+        shared = self.interface.build('interface')
+        assert shared is None or isinstance(shared, FlatInterface)
+        return shared, left, right
