@@ -12,6 +12,7 @@ less for a pink or a violet one, however much of it the water has taken.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ from .images import Picture
 
 Map = npt.NDArray[np.float32]
 
-DARK = 24.0
+DARK, FULL = 24.0, 255.0
 
 
 def redness(bgr: Picture) -> Map:
@@ -57,6 +58,27 @@ def hue(inside: Sequence[float], around: Sequence[float]) -> Hue:
     if purity <= 0:
         return Hue(0.0, 0.0)
     return Hue(purity, yellow + (yellower - yellow) / purity)
+
+
+def fullest(inside: Sequence[float], around: Sequence[float]) -> tuple[float, float, float]:
+    """Carry a colour on from its surroundings' until a channel is full or empty.
+
+    Both are blue, green, red. Whatever share of a pixel or of the way through the water a thing
+    takes, and however small it is, what it adds to its surroundings leads to its own colour at
+    its fullest: white for a glint, red for a red that is faded. Gives the surroundings' where the
+    two are the same.
+    """
+    blue, green, red = (
+        math.inf if a == b else ((FULL if a > b else 0.0) - b) / (a - b)
+        for a, b in zip(inside[:3], around[:3], strict=True)
+    )
+    reach = min(blue, green, red)
+    if math.isinf(reach):
+        reach = 1.0
+    blue, green, red = (
+        b + reach * (a - b) for a, b in zip(inside[:3], around[:3], strict=True)
+    )
+    return blue, green, red
 
 
 def _chroma(colour: Sequence[float]) -> tuple[float, float]:

@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from .colour import fullest
 from .describe import Description
 from .options import DetectorOptions
 from .target import Candidate
 
-CLIPPED = 235.0
-"""Mean grey level from which a channel counts as clipped."""
+WHITE = 0.15
+"""Least saturation, 1 - least channel / largest, of what is not white: a glint or a lamp."""
 
 FLAT_SHARE, ROUGHNESS = 0.15, 0.3
 """A flat outline must be an ellipse more surely than a round one: it may disagree by so much of
@@ -107,9 +108,10 @@ def _refusal(seen: Description, threshold: float, options: DetectorOptions) -> s
 def _off_red(seen: Description, options: DetectorOptions) -> str:
     """Why a patch that is redder than its surroundings is of another colour all the same."""
     purity, tint = seen.hue
-    blue, green, red = seen.cutout.inside
-    if max(blue, green) >= CLIPPED and red < max(blue, green):
-        return 'overexposed: a white glint, or a colour that is cut off'
+    blue, green, red = fullest(seen.cutout.inside, seen.cutout.around)
+    saturation = 1 - min(blue, green, red) / max(blue, green, red, 1.0)
+    if saturation < WHITE or red < max(blue, green):
+        return 'white or of another colour where it is brightest: a glint, or overexposed'
     # The less of a colour is left, the more of what is seen is the water's and the camera's.
     if tint > options.max_yellow - purity:
         return f'yellow or orange: tint {tint:.2f} is above {options.max_yellow - purity:.2f}'
