@@ -1,7 +1,7 @@
-"""The detector: one per camera, with a memory of where the target was.
+"""The detector: one per camera, with a memory of what its images showed.
 
 A frame's way: red patches are found, or followed (`search`), described (`describe`), judged
-(`judge`), and the best is measured (`measure`).
+(`judge`, and by past images `memory`, `standing`), and the best is measured (`measure`).
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ import numpy as np
 from .describe import describe
 from .errors import DetectionError, UnreadableError
 from .images import ColourFrame, Frame, JpegImage, Picture, RawImage, prepare
-from .judge import Judged, is_same, judge
+from .judge import Judged, is_same, judge, refused
 from .measure import measure
+from .memory import Memory
 from .options import DetectorOptions, TargetOptions
 from .paper import detect_by_extremes
 from .search import Sightings, find, follow
+from .standing import Standing
 from .target import Candidate, Detection, Target
 
 #: In how many followed images the whole of one is looked over, and how many such looks in a row
@@ -61,12 +63,17 @@ class Detector:
         self.reset()
 
     def reset(self) -> None:
-        """Forget where the target was."""
-        self._last: Target | None = None
-        self._motion = 0.0, 0.0
+        """Forget all that the images showed."""
+        self._memory = Memory()
+        self._standing = Standing(OUTVOTED)
         self._factor = 1
+        self._leave()
+
+    def _leave(self) -> None:
+        """Follow nothing."""
         self._followed_for = self._votes = 0
         self._to_look_over: Frame | None = None
+        self._standing.lost()
 
     def detect(self, image: JpegImage | RawImage) -> Detection:
         """Find the target in an image; never raises for what the image holds."""
@@ -82,7 +89,7 @@ class Detector:
         It changes nothing here, so that images can be prepared in threads, `ahead` of the last one
         that was detected in. Raises DetectionError as `images.decode` does.
         """
-        last, (du, dv) = self._last, self._motion
+        last, (du, dv) = self._memory.last, self._memory.motion
         if last is None or not self.options.track or self.options.method == 'paper':
             return prepare(image, None)
         u, v = last.centre.tolist()
@@ -104,7 +111,9 @@ class Detector:
             return Detection(None, str(error))
         except (DetectionError, cv2.error, np.linalg.LinAlgError) as error:
             detection = Detection(None, str(error))
-        self._remember(detection.target)
+        self._memory.remember(detection.target)
+        if detection.target is None:
+            self._leave()
         return detection
 
     def look_over(self) -> None:
@@ -114,22 +123,27 @@ class Detector:
         wait for it otherwise. What it finds counts from the next image on.
         """
         frame, self._to_look_over = self._to_look_over, None
-        if frame is None or self._last is None:
+        last = self._memory.last
+        if frame is None or last is None:
             return
         try:
             judged = self._judged(frame, find(frame, self.options))
         except (DetectionError, cv2.error, np.linalg.LinAlgError):
             return
-        self._votes = self._votes + 1 if _prefers_another(judged, self._last) else 0
+        self._votes = self._votes + 1 if _prefers_another(judged, last) else 0
 
     def _detect(self, frame: Frame, survey: bool) -> Detection:
         options = self.options
         if options.method == 'paper':
             return detect_by_extremes(frame, options.paper_red, options.paper_green)
-        if self._last is None or not options.track or self._votes >= OUTVOTED:
+        if self._votes >= OUTVOTED:
+            # What the looks preferred has lasted through all of them.
+            self._memory.forget()
+        last = self._memory.last
+        if last is None or not options.track:
             return self._found(frame)
-        sightings = self._followed(frame, self._last)
-        judged = self._judged(frame, sightings)
+        sightings = self._followed(frame, last)
+        judged = self._memory.followed(self._judged(frame, sightings))
         detection = measure(frame, judged, sightings.threshold)
         if detection.target is None:
             return self._found(frame)
@@ -137,26 +151,31 @@ class Detector:
         # By the turn of the period the votes are in, so that the next image is judged by them.
         if (self._followed_for + 1 + self._phase) % LOOK_PERIOD == 0:
             self._to_look_over = frame
+            self._standing.look(detection.target, judged[0].description)
         rest = self._elsewhere(frame, judged[0]) if survey else ()
         return replace(detection, candidates=(*detection.candidates, *rest), tracked=True)
 
     def _found(self, frame: Frame) -> Detection:
         """Look for the target in the whole frame."""
-        self._followed_for = self._votes = 0
+        self._leave()
         sightings = find(frame, self.options)
         self._factor = sightings.factor
-        return measure(frame, self._judged(frame, sightings), sightings.threshold)
+        judged = self._judged(frame, sightings)
+        if self.options.track:
+            judged = self._memory.found(judged, max(frame.width, frame.height))
+        return measure(frame, judged, sightings.threshold)
 
     def _followed(self, frame: Frame, last: Target) -> Sightings:
         """What is seen where the target should be by now."""
-        (u, v), (du, dv) = last.centre.tolist(), self._motion
+        (u, v), (du, dv) = last.centre.tolist(), self._memory.motion
         slack = last.diameter / 4 + max(abs(du), abs(dv)) / 2
         place = u + du, v + dv
         return follow(frame, place, last.diameter, slack, self._factor, self.options)
 
     def _judged(self, frame: Frame, sightings: Sightings) -> list[Judged]:
         described = (describe(frame, each) for each in sightings.each)
-        return judge(described, sightings.threshold, self.options)
+        judged = judge(described, sightings.threshold, self.options)
+        return refused(judged, self._standing.refusal)
 
     def _elsewhere(self, frame: Frame, chosen: Judged) -> list[Candidate]:
         """The candidates that were passed over because the target was followed."""
@@ -167,15 +186,6 @@ class Detector:
             if not is_same(each.description, chosen.description)
         ]
         return [each if each.reason else replace(each, reason=reason) for each in candidates]
-
-    def _remember(self, target: Target | None) -> None:
-        if target is None:
-            self.reset()
-            return
-        if self._last is not None:
-            (u, v), (last_u, last_v) = target.centre.tolist(), self._last.centre.tolist()
-            self._motion = u - last_u, v - last_v
-        self._last = target
 
 
 def detect(image_bgr: Picture, **options: Any) -> Target | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from .colour import fullest
@@ -57,6 +57,17 @@ def judge(
             judged.append(Judged(each, _score(each, options), reason))
     if options.mirror_above:
         judged = _without_mirror_images(judged)
+    return _ranked(judged)
+
+
+def refused(judged: Iterable[Judged], why: Callable[[Description], str]) -> list[Judged]:
+    """Refuse, of patches that may be the target, those that there is a reason against."""
+    return _ranked(
+        each if each.reason else each._replace(reason=why(each.description)) for each in judged
+    )
+
+
+def _ranked(judged: Iterable[Judged]) -> list[Judged]:
     return sorted(judged, key=lambda each: (bool(each.reason), -each.score))
 
 
@@ -112,9 +123,11 @@ def _off_red(seen: Description, options: DetectorOptions) -> str:
     saturation = 1 - min(blue, green, red) / max(blue, green, red, 1.0)
     if saturation < WHITE or red < max(blue, green):
         return 'white or of another colour where it is brightest: a glint, or overexposed'
-    # The less of a colour is left, the more of what is seen is the water's and the camera's.
-    if tint > options.max_yellow - purity:
-        return f'yellow or orange: tint {tint:.2f} is above {options.max_yellow - purity:.2f}'
+    # The less of a colour is left, the more of what is seen is the water's and the camera's; of
+    # one that is nearly all red nothing else is.
+    most = max(options.max_yellow - purity, options.max_blue)
+    if tint > most:
+        return f'yellow or orange: tint {tint:.2f} is above {most:.2f}'
     if tint < -options.max_blue:
         return f'pink or violet: tint {tint:.2f} is below {-options.max_blue:.2f}'
     return ''

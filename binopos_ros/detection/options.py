@@ -63,7 +63,7 @@ class DetectorOptions:
         (0.2, 1.0),
     )
     min_redness: float = option(
-        -0.05,
+        -0.12,
         'Smallest redness (R - G) / (R + G + B) of a target; below 0 it may look orange or grey',
         '',
         (-1.0, 1.0),

@@ -104,7 +104,7 @@ class StageDiagnostics:
             **(self._details() if self._details else {}),
         }
         status = DiagnosticStatus(name=self._name, hardware_id=self._hardware_id)
-        status.level, status.message = self._judge(previous, now)
+        status.level, status.message = self._judge(previous, now, last_drop)
         status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()
@@ -119,7 +119,7 @@ class StageDiagnostics:
         }
         return {PAIRS: ledger.taken, PAIRS_USED: ledger.used, **lost}
 
-    def _judge(self, previous: _Counts, now: _Counts) -> tuple[bytes, str]:
+    def _judge(self, previous: _Counts, now: _Counts, last_drop: str) -> tuple[bytes, str]:
         errors = '; '.join(filter(None, self.errors.values()))
         if errors:
             return DiagnosticStatus.ERROR, errors
@@ -133,7 +133,7 @@ class StageDiagnostics:
             return DiagnosticStatus.WARN, f'{now.lost - previous.lost} lost on the way here'
         if now.dropped > previous.dropped:
             count = now.dropped - previous.dropped
-            return DiagnosticStatus.WARN, f'{count} dropped: {self._last_drop}'
+            return DiagnosticStatus.WARN, f'{count} dropped: {last_drop}'
         if now.published == previous.published:
             return DiagnosticStatus.WARN, 'something comes in, and nothing goes out'
         return DiagnosticStatus.OK, 'running'
@@ -158,12 +158,14 @@ class StageDiagnostics:
         self._odd_clocks, self._clocks = troubles, standing
 
     def _remember(self) -> None:
+        with self._lock:
+            dropped = self.dropped.total()
         self._past.append(
             _Counts(
                 time.monotonic(),
                 self.received.total(),
                 self.published,
-                self.dropped.total(),
+                dropped,
                 self._node.lost.total(),
             )
         )
