@@ -12,6 +12,7 @@ from binopos_ros.optics import OpticsError, StereoRig
 from binopos_ros.optics.arithmetic import FLOATS, NoRayError
 from binopos_ros.optics.ball import ball_outline_offsets
 from binopos_ros.optics.disc import to_disc_centres
+from binopos_ros.triangulation.extent import other_size
 from binopos_ros.triangulation.index import DIFFERENT_POINTS
 from binopos_ros.triangulation.medium import MediumMeter, may_wave
 from binopos_ros.triangulation.meeting import midpoint
@@ -95,12 +96,15 @@ class Locator:
         """Deviation of the waves in the rays' miss, in pixel noise's; None where none can be."""
         return None if self._meter is None else self._meter.level
 
-    def locate(self, stamp: float, views: Views) -> Place | str:
+    def locate(
+        self, stamp: float, views: Views, diameters: tuple[float, float] = (0.0, 0.0)
+    ) -> Place | str:
         """Triangulate one pair.
 
         Args:
             stamp: of the pair, s.
             views: the centres as the cameras saw them.
+            diameters: of what they saw, left and right, px; 0 where that is not known.
 
         Returns:
             The place, or why there is none.
@@ -119,6 +123,11 @@ class Locator:
         place, residuals = found
         if 0 < self._options.epipolar_gate < np.abs(residuals).max():
             return DIFFERENT_POINTS
+        target = self._options.target.diameter
+        if target > 0 and any(diameters):
+            reason = other_size(self.rig.project, place.point, target, diameters)
+            if reason:
+                return reason
         if self._meter is None:
             return place
         waves = self._meter.add(stamp, residuals, views[2:], place.point, place.noise)

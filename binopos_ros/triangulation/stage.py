@@ -155,7 +155,7 @@ class Triangulator:
         else:
             right_centre, right_covariance = pair.right.movement.at(left.stamp)
         views = (left.centre, right_centre, left.covariance, right_covariance)
-        place = locator.locate(left.stamp * 1e-9, views)
+        place = locator.locate(left.stamp * 1e-9, views, (left.diameter, right.diameter))
         if isinstance(place, str):
             return Drop(left.stamp, place)
         return Position(**vars(place), stamp=left.stamp, frame_id=left.frame_id)

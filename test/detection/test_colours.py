@@ -54,6 +54,34 @@ def test_the_hue_of_a_colour_does_not_change_with_what_water_adds_to_it():
     assert hue((170, 40, 200), veil).tint < -0.4
 
 
+def speck(colour, water, diameter, seed=0):
+    """A speck of light that is added to the water, in a JPEG."""
+    picture = np.full((240, 320, 3), water, float)
+    fine = np.zeros((960, 1280), np.uint8)
+    cv2.circle(fine, (641, 481), round(2 * diameter), 255, -1)
+    share = cv2.resize(fine, (320, 240), interpolation=cv2.INTER_AREA)[..., None] / 255
+    picture = cv2.GaussianBlur(picture * (1 - share) + np.array(colour) * share, (0, 0), 0.9)
+    picture = picture + np.random.default_rng(seed).normal(0, 2, picture.shape)
+    picture = np.clip(np.round(picture), 0, 255).astype(np.uint8)
+    return JpegImage(cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, 92])[1].tobytes())
+
+
+@pytest.mark.parametrize('diameter', [5, 7, 10, 30])
+def test_a_white_speck_in_green_water_is_no_target_however_small(diameter):
+    # Redder than its surroundings it is, as all is that is not green.
+    for water, _ in WATERS:
+        for light in ((255, 255, 250), (235, 240, 238), (250, 255, 255)):
+            for floor in ({}, {'min_redness': -0.4}):
+                detection = Detector(**floor).detect(speck(light, water, diameter))
+                assert detection.target is None, (water, light)
+
+
+def test_a_full_red_is_red():
+    for red in ((0, 0, 255), (0, 0, 120), (8, 4, 250)):
+        for water in WATERS:
+            assert Detector().detect(tank(water, ((160, 120), 18, red), way=0.0)).target
+
+
 # By their numbers: what else than the labelled box is a right answer (the folder's own account).
 ALSO_RIGHT = {801: [(322, 216)], 856: [(352, 166), (395, 158)], 867: [(317, 206), (367, 197)]}
 ALSO_RIGHT[1469] = [(340, 317)]

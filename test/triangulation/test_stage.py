@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -275,3 +277,27 @@ def test_a_change_of_the_interface_takes_effect_with_the_next_pair():
 def test_options_that_do_not_fit_together(values, words):
     with pytest.raises(TriangulationError, match=words):
         triangulator(**values)
+
+
+def test_a_pair_of_another_size_than_the_target_is_refused_with_its_reason():
+    # Seen from above, water lies at its depth over its index.
+    across = FOCAL * 0.06 / (0.8 + (POINT[2] - 0.8) / 1.333)
+    seen = centroids(POINT)
+    for factor, taken in ((1.0, True), (1.2, True), (0.8, True), (2.0, False), (0.5, False)):
+        sized = {
+            side: replace(each, diameter=factor * across if side == 'right' else across)
+            for side, each in seen.items()
+        }
+        (result,) = feed(calibrate(triangulator(**{'target.diameter': 0.06})), sized)
+        assert isinstance(result, Position) == taken
+        if not taken:
+            assert result.reason.startswith('right: ')
+            assert '0.06 m' in result.reason
+        (unsized,) = feed(calibrate(triangulator()), sized)
+        assert isinstance(unsized, Position)
+
+
+def test_a_detector_that_tells_no_size_is_believed():
+    unsized = {side: replace(each, diameter=0.0) for side, each in centroids(POINT).items()}
+    (found,) = feed(calibrate(triangulator(**{'target.diameter': 0.06})), unsized)
+    assert isinstance(found, Position)
