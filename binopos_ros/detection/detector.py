@@ -174,7 +174,7 @@ class Detector:
 
     def _judged(self, frame: Frame, sightings: Sightings) -> list[Judged]:
         described = (describe(frame, each) for each in sightings.each)
-        judged = judge(described, sightings.threshold, self.options)
+        judged = judge(described, self.options)
         return refused(judged, self._standing.refusal)
 
     def _elsewhere(self, frame: Frame, chosen: Judged) -> list[Candidate]:

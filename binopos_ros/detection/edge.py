@@ -26,8 +26,29 @@ import numpy.typing as npt
 
 from .errors import DetectionError
 from .images import Frame
+from .jpeg import CHROMA_ERROR, LUMA_ERROR
 from .profiles import PROFILE_REACH, PROFILE_STEPS, depths, profiles
 from .target import Array, Ellipse
+from .terms import (
+    BENDS,
+    BLUR,
+    BLURS,
+    DEPTH,
+    FLAT_TERMS,
+    INSIDE,
+    LIKELY,
+    LIKELY_SHADE,
+    LIKELY_SLOPES,
+    MOTION,
+    OUTSIDE,
+    SHADED_TERMS,
+    SHADING,
+    SHEAR,
+    SLOPES,
+    STRETCH,
+    TERMS,
+    TURNS,
+)
 from .window import Grid, Window
 
 BAND = 6.0
@@ -35,21 +56,8 @@ LEAST_PIXELS = 48
 FIRST_NOISE = 1e-4
 START_BLUR, LEAST_BLUR, MOST_BLUR = 0.9, 0.3, 3.0
 
-# What is likely before the fit, as standard deviations (stretch as a share of the axes, blur in
-# px, profile and slope as shares of the contrast). It steadies outlines of a few pixels.
-LIKELY_STRETCH = 0.02
-LIKELY_BLUR = 0.2
-LIKELY_PROFILE = 0.05
-LIKELY_SLOPE = 0.05
-LIKELY_SHADE = 0.2
-
 SHARED_NOISE = 0.01
 """Part of equal noise in all channels that is mixed into the noise found along the edge."""
-
-BLOCK = 4
-"""Neighbouring residuals count as correlated by the share of pixels that two blocks of this side
-about them have in common. Products of sums over blocks are never negative, whatever the residuals;
-other weights can be, where residuals alternate, as those of subsampled chroma do."""
 
 RETURNED = 0.35
 """Share of the fit's mean leverage by which neighbours' residuals are too little correlated."""
@@ -64,20 +72,6 @@ LEAST_FACTOR = 0.8
 LUMA_FACTOR, CHROMA_FACTOR = 0.4, 7.0
 """JPEG's rounding follows the picture, so the fit takes it for outline and residuals do not show
 it: so much of it comes on top (rendered discs of 8 to 120 px, quality 70 to 95, 4:2:0)."""
-
-# What an error of luma, and one of each colour difference, does to blue, green and red, as
-# covariances (ITU-T T.871).
-_LUMA = np.ones((3, 3))
-_CHROMA = np.outer((1.772, -0.344, 0), (1.772, -0.344, 0))
-_CHROMA += np.outer((0, -0.714, 1.402), (0, -0.714, 1.402))
-
-# The model's terms, by their rows. Those that depend on the distance alone come first.
-BLUR, PROFILE, INSIDE, OUTSIDE = 0, slice(1, 3), 3, 4
-MOTION, STRETCH, SHEAR = slice(5, 7), slice(7, 9), 9
-SLOPES = slice(10, 14)
-FLAT_TERMS = 14
-DEPTH, TURNS, BENDS = 14, slice(15, 17), slice(17, 19)
-SHADING, TERMS = slice(15, 19), 19
 
 SHADED = 0.12
 """From which slope of its own light on, over its radius and as a share of its contrast, a target
@@ -96,9 +90,6 @@ NEAR, MOST_STEPS = 0.1, 5
 MOST_MOVE, MOST_STRETCH, MOST_BLUR_CHANGE = 2.0, 0.3, 0.4
 """How far a step may go: px, share of the axes, px."""
 
-LEFT_OUT = 2.0
-"""The variance of what is left out of the shading, by the square of its last terms' shift."""
-
 LEAST_LOCAL = 0.15
 """Least contrast along the outline, as a share of its mean, that a place may have."""
 
@@ -108,13 +99,6 @@ which shifts the centre. The fit takes up the first: the size, the centre, and t
 
 BLOCKS_COUNT = 6.0
 """For how many independent residuals the variance by blocks is taken."""
-
-_LIKELY, _LIKELY_SLOPES = np.zeros(TERMS), np.zeros(TERMS)
-_LIKELY[STRETCH] = _LIKELY[SHEAR] = LIKELY_STRETCH**-2
-_LIKELY[BLUR] = LIKELY_BLUR**-2
-_LIKELY[PROFILE] = LIKELY_PROFILE**-2
-_LIKELY[DEPTH] = _LIKELY[TURNS] = _LIKELY[BENDS] = LIKELY_SHADE**-2
-_LIKELY_SLOPES[SLOPES] = LIKELY_SLOPE**-2
 
 
 @dataclass(frozen=True)
@@ -162,18 +146,21 @@ class EdgeFit:
         self._slope = self._rows_of_all[0]
         pixels = window.pixels.reshape(-1, 3).take(places, 0).T
         self._model(FLAT_TERMS, pixels)
-        self._likely = _LIKELY + (a + d) * _LIKELY_SLOPES
+        self._likely = LIKELY + (a + d) * LIKELY_SLOPES
         luma, chroma = frame.rounding
-        self._rounding = LUMA_FACTOR * luma * _LUMA + CHROMA_FACTOR * chroma * _CHROMA
+        self._rounding = LUMA_FACTOR * luma * LUMA_ERROR + CHROMA_FACTOR * chroma * CHROMA_ERROR
         rest = self._solve(FIRST_NOISE)
-        axis = self._choose_axis(rest)
-        solution = self._solution @ axis
         is_shaded = self._is_shaded(start)
+        axis = self._choose_axis(rest, self._shading(start) if is_shaded else None)
+        solution = self._solution @ axis
         if is_shaded:
             self._contrast = self._contrast_along(solution)
         self._move(solution)
         row = axis.astype(np.float32) @ pixels
-        self._model(TERMS if is_shaded else FLAT_TERMS, row[None])
+        # Of a JPEG the chroma is the more blurred: as its share in the contrast changes with the
+        # light, so does the blur.
+        shaded = TERMS if chroma else SHADED_TERMS
+        self._model(shaded if is_shaded else FLAT_TERMS, row[None])
         for _ in range(MOST_STEPS):
             self._left = self._solve(self._noise)[0]
             if self._move(self._solution[:, 0]) < NEAR:
@@ -192,6 +179,15 @@ class EdgeFit:
         major, minor = start.semi_axes
         change = math.sqrt(float((slopes * slopes).sum() / (difference @ difference))) * major
         return minor >= LEAST_BODY and change > SHADED
+
+    def _shading(self, start: Ellipse) -> Array:
+        """How the target's contrast changes, by channel, over its radius, where it does most."""
+        own, outside = self._solution[SLOPES].reshape(2, 2, 3)
+        (xx, xy), (_, yy) = (own @ own.T).tolist()
+        angle = math.atan2(2 * xy, xx - yy) / 2
+        towards = start.semi_axes[0] * np.array([math.cos(angle), math.sin(angle)])
+        change: Array = towards @ (own - outside)
+        return change
 
     def _solve(self, noise: float) -> Grid:
         """Solve, for each row below the terms, for the edge's motion and the two planes.
@@ -258,6 +254,8 @@ class EdgeFit:
         inside = design[INSIDE] / squared
         np.multiply(inside, (xy[0] - xy[1]) * (xy[0] + xy[1]), out=design[BENDS.start])
         np.multiply(inside * xy[0], xy[1], out=design[BENDS.start + 1])
+        if len(design) == TERMS:
+            np.multiply(design[BLUR], self._normal, out=design[BLURS])
 
     def _contrast_along(self, solution: Array) -> Grid:
         """The contrast to the surroundings at each pixel, as a share of its mean."""
@@ -267,10 +265,10 @@ class EdgeFit:
         contrast += terms[INSIDE] - terms[OUTSIDE]
         return np.clip(contrast, LEAST_LOCAL, None, out=contrast)
 
-    def _choose_axis(self, rest: Grid) -> Array:
+    def _choose_axis(self, rest: Grid, change: Array | None) -> Array:
         """The projection of colours, 1 from surroundings to target, that errs least.
 
-        Leaves, of the rest along it, the variance and what its correlation makes of that.
+        `change` (3,) is what the light makes of a shaded target's contrast over its radius. Leaves, of the rest along it, the variance and what its correlation makes of that.
         """
         difference = self._solution[INSIDE] - self._solution[OUTSIDE]
         if not difference @ difference > 9.0:
@@ -281,6 +279,9 @@ class EdgeFit:
         sums = self._sums_over_blocks((np.sqrt(weight) * rest).astype(float))
         noise = sums + float(weight.sum()) * self._rounding
         noise.ravel()[::4] += SHARED_NOISE * sum(sums.ravel()[::4].tolist()) + 1e-12
+        if change is not None:
+            # What of the shading no term follows counts as noise in its colours.
+            noise += float(weight.sum()) * LIKELY_SHADE**2 * np.outer(change, change)
         row = cv2.solve(noise, difference[:, None], flags=cv2.DECOMP_CHOLESKY)[1].ravel()
         axis: Array = row / (row @ difference)
         left = axis.astype(np.float32) @ rest
@@ -293,8 +294,9 @@ class EdgeFit:
     def _sums_over_blocks(self, values: Array) -> Array:
         """Products of the sums over blocks, (n, n), of values (n, N) at the band's pixels.
 
-        The blocks lie at all even places, so four of them cover each pixel; the mean over these is
-        taken.
+        The blocks, of 4 x 4 pixels, lie at all even places, so four of them cover each pixel; the
+        mean over these is taken. Such products are never negative, whatever the residuals; with
+        weights of another kind they can be, as where the chroma is subsampled.
         """
         across, down = (self._width >> 1) + 3, (int(self._rows[-1]) >> 1) + 3
         cells = (self._rows >> 1) * across
@@ -357,7 +359,7 @@ class EdgeFit:
         # last of what is in, by how far that shifts the centre.
         shading = np.linalg.solve(self._inverse[SHADING, SHADING], self._solution[SHADING, 0])
         shift = self._inverse[MOTION, SHADING] @ shading
-        covariance += LEFT_OUT * np.outer(shift, shift)
+        covariance += np.outer(shift, shift)
         return covariance
 
     def _waves(self, weight: Grid) -> float:

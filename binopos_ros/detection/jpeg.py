@@ -13,6 +13,12 @@ from .errors import DetectionError
 LOW_FREQUENCIES = 6
 """Coefficients, from the lowest frequency on, whose steps tell how coarse a picture is."""
 
+# What an error of luma, and one of each colour difference, does to blue, green and red, as
+# covariances (ITU-T T.871).
+LUMA_ERROR = np.ones((3, 3))
+CHROMA_ERROR = np.outer((1.772, -0.344, 0), (1.772, -0.344, 0))
+CHROMA_ERROR += np.outer((0, -0.714, 1.402), (0, -0.714, 1.402))
+
 _WITHOUT_LENGTH = (0x01, *range(0xD0, 0xD8))
 _NO_FRAME = (0xC4, 0xC8, 0xCC)
 _START_OF_SCAN, _TABLES = 0xDA, 0xDB

@@ -43,17 +43,15 @@ class Judged(NamedTuple):
         )
 
 
-def judge(
-    descriptions: Iterable[Description], threshold: float, options: DetectorOptions
-) -> list[Judged]:
+def judge(descriptions: Iterable[Description], options: DetectorOptions) -> list[Judged]:
     """Judge patches: the best first, and those refused at the end.
 
-    threshold is the contrast asked of a target. Of patches that are the same one the first counts.
+    Of patches that are the same one the first counts.
     """
     judged: list[Judged] = []
     for each in descriptions:
         if not any(is_same(each, other.description) for other in judged):
-            reason = _refusal(each, threshold, options)
+            reason = _refusal(each, options)
             judged.append(Judged(each, _score(each, options), reason))
     if options.mirror_above:
         judged = _without_mirror_images(judged)
@@ -86,8 +84,9 @@ def _score(seen: Description, options: DetectorOptions) -> float:
     return score if options.target.shape == 'disc' else score * minor / major
 
 
-def _refusal(seen: Description, threshold: float, options: DetectorOptions) -> str:
+def _refusal(seen: Description, options: DetectorOptions) -> str:
     major, minor = seen.outline.semi_axes
+    threshold = seen.sighting.threshold
     if seen.contrast < threshold:
         return f'contrast {seen.contrast:.2f} is below {threshold:.2f}'
     if reason := _off_red(seen, options):

@@ -31,7 +31,10 @@ SIGMAS = 3.0
 
 
 def measure(frame: Frame, judged: Sequence[Judged], threshold: float) -> Detection:
-    """Measure the first of the judged patches that can be; threshold is passed on."""
+    """Measure the first of the judged patches that can be.
+
+    threshold is the contrast that is told where there is none.
+    """
     passed_over: list[Candidate] = []
     for k, each in enumerate(judged):
         candidate = each.candidate()
@@ -46,7 +49,8 @@ def measure(frame: Frame, judged: Sequence[Judged], threshold: float) -> Detecti
                 chosen = replace(candidate, outline=seed)
                 major = found.outline.semi_axes[0]
                 target = Target(found.outline.centre, found.covariance, 2 * major, found.outline)
-                return Detection(target, '', (*passed_over, chosen, *rest), threshold)
+                asked = each.description.sighting.threshold
+                return Detection(target, '', (*passed_over, chosen, *rest), asked)
         passed_over.append(candidate)
     if not passed_over:
         reason = f'no red patch of contrast {threshold:.2f} or more'

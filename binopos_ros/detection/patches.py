@@ -20,6 +20,9 @@ Window = tuple[int, int, int, int]
 MAX_SEEDS = 16
 FIRST_CUT, MOST_CUTS = 0.35, 8
 NOISE_STEP = 3
+PLACE = 7
+"""Values of the noise, that many pixels apart, along each side of a place."""
+
 NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
@@ -54,6 +57,22 @@ def noise_of(shades: Map) -> float:
     return 1.5 * median(np.abs(rest))
 
 
+def noise_by_place(shades: Map) -> Map:
+    """The noise of redness in the places of a map, (rows, columns), as a standard deviation.
+
+    Redness is a ratio, so it is noisier where the picture is dark.
+    """
+    rest = np.abs(shades - cv2.blur(shades, (3, 3)))[::NOISE_STEP, ::NOISE_STEP]
+    high, wide = (min(PLACE, each) for each in rest.shape)
+    rows, columns = rest.shape[0] // high, rest.shape[1] // wide
+    places = rest[: rows * high, : columns * wide].reshape(rows, high, columns, wide)
+    values = places.swapaxes(1, 2).reshape(rows, columns, -1)
+    middle = values.shape[2] // 2
+    values.partition(middle, axis=2)
+    noise: Map = values[..., middle] * np.float32(1.5)
+    return noise
+
+
 def median(values: Map) -> float:
     """The median; of an even number of values, the upper of the middle two."""
     flat, middle = values.ravel(), values.size // 2
@@ -61,8 +80,11 @@ def median(values: Map) -> float:
     return float(flat[middle])
 
 
-def seeds(shades: Map, threshold: float) -> list[tuple[int, int, int]]:
-    """Where the redness stands out: column, row and the size of the square, strongest first."""
+def seeds(shades: Map, thresholds: Map) -> list[tuple[int, int, int]]:
+    """Where the redness stands out: column, row and the size of the square, strongest first.
+
+    thresholds is the contrast asked for at each pixel, by which it is measured.
+    """
     contrasts: list[Map] = []
     means = shades
     sizes = [1]
@@ -77,7 +99,8 @@ def seeds(shades: Map, threshold: float) -> list[tuple[int, int, int]]:
     best = contrasts[0]
     for each in contrasts[1:]:
         best = np.asarray(cv2.max(best, each), np.float32)
-    peaks = (best >= cv2.dilate(best, NEIGHBOURS)) & (best > threshold * 0.75)
+    best = np.divide(best, thresholds)
+    peaks = (best >= cv2.dilate(best, NEIGHBOURS)) & (best > 0.75)
     rows, columns = np.nonzero(peaks)
     scales = np.argmax([each[rows, columns] for each in contrasts], axis=0)
     order = np.argsort(-best[rows, columns], kind='stable')[:MAX_SEEDS]

@@ -19,6 +19,7 @@ from .patches import (
     Patch,
     frame_of,
     median,
+    noise_by_place,
     noise_of,
     outlined,
     reaches_over,
@@ -39,17 +40,19 @@ LEAST_NOISY = 32
 class Sighting(NamedTuple):
     """A patch, and the reduced pixels that it was outlined in.
 
-    factor is by how much they are reduced, origin their corner in the image, px.
+    factor is by how much they are reduced, origin their corner in the image, px, threshold the
+    contrast that is asked of a target at that place.
     """
 
     patch: Patch
     pixels: Picture
     factor: int
     origin: tuple[int, int]
+    threshold: float
 
 
 class Sightings(NamedTuple):
-    """What stands out in a frame, the contrast that is asked of a target there, and the scale.
+    """What stands out in a frame, the contrast that is asked for in most of it, and the scale.
 
     factor is that by which the frame was reduced to be searched.
     """
@@ -62,18 +65,24 @@ class Sightings(NamedTuple):
 def find(frame: Frame, options: DetectorOptions) -> Sightings:
     """Find the red patches in a frame, the strongest first; one may come more than once."""
     factor = _search_factor(frame)
-    pixels, shades, threshold = _seen(frame, factor, options)
+    pixels, shades, asked = _seen(frame, factor, options)
+    threshold = median(asked.copy())
     if threshold > options.min_contrast and min(frame.width, frame.height) >= LEAST_NOISY * factor:
         # Pixels too noisy to tell by: what is dim may still show in the means over four of them.
         factor *= 2
-        pixels, shades, threshold = _seen(frame, factor, options)
+        pixels, shades, asked = _seen(frame, factor, options)
+        threshold = median(asked.copy())
     if min(shades.shape) < LEAST_SIDE:
         return Sightings([], threshold, factor)
     found = []
-    for column, row, size in seeds(shades, threshold):
+    height, width = shades.shape
+    thresholds = np.asarray(cv2.resize(asked, (width, height)), np.float32)
+    for column, row, size in seeds(shades, thresholds):
         patch = outlined(shades, column, row, size)
         if patch is not None:
-            found.append(_at_its_scale(frame, Sighting(patch, pixels, factor, (0, 0))))
+            x0, y0, x1, y1 = patch.near(moments.margin(factor))
+            there = _asked(shades[max(y0, 0) : y1, max(x0, 0) : x1], options)
+            found.append(_at_its_scale(frame, Sighting(patch, pixels, factor, (0, 0), there)))
     return Sightings([each for each in found if each is not None], threshold, factor)
 
 
@@ -102,7 +111,7 @@ def follow(
         return Sightings([], options.min_contrast, factor)
     pixels = frame.reduced(factor, x0 * factor, y0 * factor, x1 * factor, y1 * factor)
     shades = redness(pixels)
-    threshold = _threshold(shades, options)
+    threshold = _asked(shades, options)
     outside = median(frame_of(shades))
     column, row = int(u / factor) - x0, int(v / factor) - y0
     shown = 0 <= column < x1 - x0 and 0 <= row < y1 - y0
@@ -115,7 +124,7 @@ def follow(
     near_least = moments.margin(factor)
     if patch is None or reaches_over(patch.near(near_least), (0, 0, x1 - x0, y1 - y0), whole):
         return Sightings([], threshold, factor)
-    seen = _at_its_scale(frame, Sighting(patch, pixels, factor, (x0 * factor, y0 * factor)))
+    seen = _at_its_scale(frame, Sighting(patch, pixels, factor, (x0 * factor, y0 * factor), threshold))
     return Sightings([] if seen is None else [seen], threshold, factor)
 
 
@@ -128,20 +137,22 @@ def _search_factor(frame: Frame) -> int:
     return factor
 
 
-def _seen(frame: Frame, factor: int, options: DetectorOptions) -> tuple[Picture, Map, float]:
-    """A frame reduced by a factor, its redness, and the contrast asked for there."""
+def _seen(frame: Frame, factor: int, options: DetectorOptions) -> tuple[Picture, Map, Map]:
+    """A frame reduced by a factor, its redness, and the contrast asked for in its places."""
     pixels = frame.reduced(factor, 0, 0, frame.width, frame.height)
     shades = redness(pixels)
-    return pixels, shades, _threshold(shades, options)
+    asked = np.float32(options.noise_factor) * noise_by_place(shades)
+    return pixels, shades, np.maximum(asked, np.float32(options.min_contrast))
 
 
-def _threshold(shades: Map, options: DetectorOptions) -> float:
+def _asked(shades: Map, options: DetectorOptions) -> float:
+    """The contrast asked of a target where the redness is that."""
     return max(options.min_contrast, options.noise_factor * noise_of(shades))
 
 
 def _at_its_scale(frame: Frame, seen: Sighting) -> Sighting | None:
     """The patch of a sighting, outlined anew where it is too small to show its shape."""
-    patch, _, factor, (left, top) = seen
+    patch, _, factor, (left, top), threshold = seen
     x0, y0, x1, y1 = patch.box
     size = max(x1 - x0, y1 - y0)
     needed = max(SHAPE_SIZE / size, SHAPE_WIDTH * size / cv2.countNonZero(patch.mask))
@@ -166,4 +177,4 @@ def _at_its_scale(frame: Frame, seen: Sighting) -> Sighting | None:
     column = min(int(column), shades.shape[1] - 1)
     row = min(int(row), shades.shape[0] - 1)
     settled = settled_about(shades, column, row, patch.inside, patch.outside)
-    return None if settled is None else Sighting(settled, pixels, finer, wide[:2])
+    return None if settled is None else Sighting(settled, pixels, finer, wide[:2], threshold)

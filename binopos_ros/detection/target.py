@@ -70,8 +70,8 @@ class Candidate:
 class Detection:
     """The outcome of one image; reason is empty where there is a target.
 
-    threshold is the contrast that a candidate had to have in this image (it follows the image's
-    noise), tracked whether a window about the prediction was all that was searched.
+    threshold is the contrast that the target had to have at its place, or in most of the image
+    where there is none (it follows the noise there), tracked whether a window about the prediction was all that was searched.
     """
 
     target: Target | None
