@@ -75,9 +75,7 @@ def fullest(inside: Sequence[float], around: Sequence[float]) -> tuple[float, fl
     reach = min(blue, green, red)
     if math.isinf(reach):
         reach = 1.0
-    blue, green, red = (
-        b + reach * (a - b) for a, b in zip(inside[:3], around[:3], strict=True)
-    )
+    blue, green, red = (b + reach * (a - b) for a, b in zip(inside[:3], around[:3], strict=True))
     return blue, green, red
 
 

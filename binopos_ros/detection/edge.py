@@ -157,8 +157,7 @@ class EdgeFit:
             self._contrast = self._contrast_along(solution)
         self._move(solution)
         row = axis.astype(np.float32) @ pixels
-        # Of a JPEG the chroma is the more blurred: as its share in the contrast changes with the
-        # light, so does the blur.
+        # A JPEG's chroma is the more blurred: where its share in the contrast changes, so does that.
         shaded = TERMS if chroma else SHADED_TERMS
         self._model(shaded if is_shaded else FLAT_TERMS, row[None])
         for _ in range(MOST_STEPS):
@@ -268,7 +267,8 @@ class EdgeFit:
     def _choose_axis(self, rest: Grid, change: Array | None) -> Array:
         """The projection of colours, 1 from surroundings to target, that errs least.
 
-        `change` (3,) is what the light makes of a shaded target's contrast over its radius. Leaves, of the rest along it, the variance and what its correlation makes of that.
+        `change` (3,) is what the light makes of a shaded target's contrast over its radius.
+        Leaves, of the rest along it, the variance and what its correlation makes of that.
         """
         difference = self._solution[INSIDE] - self._solution[OUTSIDE]
         if not difference @ difference > 9.0:
@@ -295,8 +295,7 @@ class EdgeFit:
         """Products of the sums over blocks, (n, n), of values (n, N) at the band's pixels.
 
         The blocks, of 4 x 4 pixels, lie at all even places, so four of them cover each pixel; the
-        mean over these is taken. Such products are never negative, whatever the residuals; with
-        weights of another kind they can be, as where the chroma is subsampled.
+        mean over these is taken. Such products are never negative, whatever the residuals.
         """
         across, down = (self._width >> 1) + 3, (int(self._rows[-1]) >> 1) + 3
         cells = (self._rows >> 1) * across

@@ -118,10 +118,6 @@ def _refusal(seen: Description, options: DetectorOptions) -> str:
 def _off_red(seen: Description, options: DetectorOptions) -> str:
     """Why a patch that is redder than its surroundings is of another colour all the same."""
     purity, tint = seen.hue
-    blue, green, red = fullest(seen.cutout.inside, seen.cutout.around)
-    saturation = 1 - min(blue, green, red) / max(blue, green, red, 1.0)
-    if saturation < WHITE or red < max(blue, green):
-        return 'white or of another colour where it is brightest: a glint, or overexposed'
     # The less of a colour is left, the more of what is seen is the water's and the camera's; of
     # one that is nearly all red nothing else is.
     most = max(options.max_yellow - purity, options.max_blue)
@@ -129,6 +125,10 @@ def _off_red(seen: Description, options: DetectorOptions) -> str:
         return f'yellow or orange: tint {tint:.2f} is above {most:.2f}'
     if tint < -options.max_blue:
         return f'pink or violet: tint {tint:.2f} is below {-options.max_blue:.2f}'
+    blue, green, red = fullest(seen.cutout.inside, seen.cutout.around)
+    saturation = 1 - min(blue, green, red) / max(blue, green, red, 1.0)
+    if saturation < WHITE or red < max(blue, green):
+        return 'white or of another colour where it is brightest: a glint, or overexposed'
     return ''
 
 

@@ -1,9 +1,9 @@
 """What a camera's past images tell: where the target is, how large it is, and what is new.
 
-One image cannot tell a target from what looks like it for a moment, such as the sun in a wave. Over
-images a target keeps its size, and stays; a patch that is neither where nor as large as the target
-was is new, and must be seen in several images in a row before it is believed. The very first image
-has no past, so what it shows is believed at once.
+One image cannot tell a target from what looks like it for a moment, such as the sun in a wave.
+Over images a target keeps its size, and stays; a patch that is neither where nor as large as the
+target was is new, and must be seen in several images in a row before it is believed. The very
+first image has no past, so what it shows is believed at once.
 """
 
 from __future__ import annotations

@@ -124,7 +124,9 @@ def follow(
     near_least = moments.margin(factor)
     if patch is None or reaches_over(patch.near(near_least), (0, 0, x1 - x0, y1 - y0), whole):
         return Sightings([], threshold, factor)
-    seen = _at_its_scale(frame, Sighting(patch, pixels, factor, (x0 * factor, y0 * factor), threshold))
+    seen = _at_its_scale(
+        frame, Sighting(patch, pixels, factor, (x0 * factor, y0 * factor), threshold)
+    )
     return Sightings([] if seen is None else [seen], threshold, factor)
 
 

@@ -78,7 +78,9 @@ def _stood(last: View, view: View) -> bool:
         for each, (u, v) in ((before, (x, y)), (now, (left, top)))
     ]
     height, width = np.minimum(parts[0][1].shape, parts[1][1].shape)
-    (pixels, outer), (later, outer_later) = ((p[:height, :width], o[:height, :width]) for p, o in parts)
+    (pixels, outer), (later, outer_later) = (
+        (p[:height, :width], o[:height, :width]) for p, o in parts
+    )
     moved = sum(cv2.mean(cv2.absdiff(pixels, later), 1 - np.maximum(outer, outer_later))[:3])
     changed = _apart(before.cutout.inside, now.cutout.inside)
     contrast = _apart(now.cutout.inside, now.cutout.around)

@@ -71,7 +71,8 @@ class Detection:
     """The outcome of one image; reason is empty where there is a target.
 
     threshold is the contrast that the target had to have at its place, or in most of the image
-    where there is none (it follows the noise there), tracked whether a window about the prediction was all that was searched.
+    where there is none (it follows the noise there), tracked whether a window about the
+    prediction was all that was searched.
     """
 
     target: Target | None

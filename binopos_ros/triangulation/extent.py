@@ -1,7 +1,7 @@
 """How large a target looks where it is: whether what both cameras saw can be it.
 
-Two patches that are no target, or one of them, meet somewhere too; there a target of known diameter
-would look larger or smaller.
+Two patches of which one is no target meet somewhere too; there a target of known diameter would
+look larger or smaller.
 """
 
 from __future__ import annotations
