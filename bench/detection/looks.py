@@ -42,12 +42,17 @@ def encoded(picture: np.ndarray, encoding: str) -> JpegImage | RawImage:
     return RawImage(cells.tobytes(), width, height, width, encoding)
 
 
-def cell(look: looks.Look, encoding: str, size: int, count: int) -> tuple[str, bool]:
-    """One cell in words, and whether it keeps to its goals."""
+def pictures(look: looks.Look, size: int, count: int) -> list[looks.Taken]:
+    """The pictures of one look and size, the same in every encoding."""
     rng = np.random.default_rng(size)
+    return [looks.take(look, size * rng.uniform(0.9, 1.1), rng) for _ in range(count)]
+
+
+def cell(every: list[looks.Taken], encoding: str) -> tuple[str, bool]:
+    """One cell in words, and whether it keeps to its goals."""
+    count = len(every)
     errors, plain, squared = [], [], []
-    for _ in range(count):
-        taken = looks.take(look, size * rng.uniform(0.9, 1.1), rng)
+    for taken in every:
         image = encoded(taken.picture, encoding)
         frame = decode(image)
         script = looks.plain_script(frame.window(0, 0, frame.width, frame.height))
@@ -78,8 +83,9 @@ def main() -> int:
     print('| look | encoding | ' + ' | '.join(f'{size} px' for size in SIZES) + ' |')
     print('|---|---|' + '---|' * len(SIZES))
     for name in chosen:
+        taken = [pictures(every[name], size, count) for size in SIZES]
         for encoding in ENCODINGS:
-            row = [cell(every[name], encoding, size, count) for size in SIZES]
+            row = [cell(each, encoding) for each in taken]
             kept, cells = kept + sum(good for _, good in row), cells + len(row)
             print(f'| {name} | {encoding} | ' + ' | '.join(words for words, _ in row) + ' |')
             sys.stdout.flush()

@@ -17,7 +17,7 @@ CLEAR, OPEN = (100, 200, 300, 400, 900, 1000), (0, 500, 600, 700, 1100, 1400)
 CHANGES: tuple[dict[str, float], ...] = (
     {},
     *({'min_contrast': value} for value in (0.09, 0.15)),
-    *({'min_redness': value} for value in (-0.1, -0.03, 0.0)),
+    *({'min_redness': value} for value in (-0.2, -0.15, -0.08, -0.05, 0.0)),
     *({'min_fit': value} for value in (0.75, 0.85)),
     {'min_axis_ratio': 0.3},
     *({'max_yellow': value} for value in (0.8, 1.0)),

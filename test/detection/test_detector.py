@@ -227,6 +227,17 @@ def test_the_threshold_follows_the_noise_and_is_reported():
     assert rough.target is None
 
 
+def test_a_dark_part_of_the_picture_hides_nothing_in_the_bright_one():
+    for seed in range(3):
+        picture = np.full((480, 640, 3), (150.0, 140.0, 110.0))
+        cv2.circle(picture, (480, 240), 15, (120, 110, 140), -1)
+        picture[:, :400] *= 0.1
+        noise = np.random.default_rng(seed).normal(0, 6, picture.shape)
+        noisy = np.clip(np.round(cv2.GaussianBlur(picture, (0, 0), 0.8) + noise), 0, 255)
+        target = Detector().detect(raw(noisy.astype(np.uint8))).target
+        assert np.allclose(target.centre, (480, 240), atol=1)
+
+
 def test_the_papers_rule_is_the_middle_of_the_four_extremes():
     picture = np.zeros((120, 160, 3), np.uint8)
     picture[40:61, 30:71] = (10, 49, 169)

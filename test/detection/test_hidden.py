@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from binopos_ros.detection import Detector, RawImage
-from looks import BALL, DISC, HIDDEN, LOOKS, take
+from binopos_ros.detection import Detector, JpegImage, RawImage
+from looks import BALL, DISC, HIDDEN, LOOKS, plain_script, take
 
 GROUND, RED = np.array([140.0, 135.0, 90.0]), np.array([40.0, 36.0, 190.0])
 
@@ -107,3 +107,29 @@ def test_a_highlight_is_no_hole_in_the_target(diameter):
         assert target is not None
         assert np.linalg.norm(target.centre - taken.centre) < 0.06
         assert np.trace(target.covariance) < 0.05**2
+
+
+def test_a_dark_limb_in_a_jpeg_is_measured_better_than_by_a_plain_script():
+    rng, errors, script, squared = np.random.default_rng(8), [], [], []
+    for _ in range(12):
+        taken = take(LOOKS['ball, dark limb on dark water'], rng.uniform(36, 44), rng)
+        data = cv2.imencode('.jpg', taken.picture, [cv2.IMWRITE_JPEG_QUALITY, 80])[1]
+        target = Detector().detect(JpegImage(data.tobytes())).target
+        errors.append(target.centre - taken.centre)
+        squared.append(errors[-1] @ np.linalg.solve(target.covariance, errors[-1]))
+        script.append(plain_script(cv2.imdecode(data, cv2.IMREAD_COLOR)) - taken.centre)
+    rms, beside = (np.sqrt(np.mean(np.square(each))) for each in (errors, script))
+    assert rms < 0.6 * beside
+    assert np.mean(squared) < 4
+
+
+def test_the_light_on_a_ball_does_not_shift_its_centre_where_a_jpegs_chroma_is_blurred():
+    rng, errors, squared = np.random.default_rng(9), [], []
+    for _ in range(12):
+        taken = take(BALL, rng.uniform(36, 44), rng)
+        data = cv2.imencode('.jpg', taken.picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1]
+        target = Detector().detect(JpegImage(data.tobytes())).target
+        errors.append(target.centre - taken.centre)
+        squared.append(errors[-1] @ np.linalg.solve(target.covariance, errors[-1]))
+    assert np.sqrt(np.mean(np.square(errors))) < 0.03
+    assert np.mean(squared) < 3.5

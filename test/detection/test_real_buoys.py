@@ -95,8 +95,9 @@ def test_hits_misses_and_wrong_targets_are_told_per_group(scores, capsys):
             )
     assert sum(each.pictures for each in scores.values()) == 132
     everything = total(scores, tuple(scores))
-    assert everything.hits > everything.simple_hits
-    assert everything.wrong < everything.simple_wrong
+    # As many as the detector found before it told red from yellow and white, and none wrong.
+    assert everything.hits >= 94 > everything.simple_hits
+    assert everything.wrong == 0 < everything.simple_wrong
 
 
 def test_clear_pools_are_found_nearly_always_and_hardly_ever_wrongly(scores):
@@ -126,7 +127,7 @@ def test_every_picture_without_a_target_has_a_reason(buoys):
 
 
 @pytest.mark.parametrize(
-    'change', [{'min_contrast': 0.15}, {'min_redness': -0.1}, {'min_fit': 0.75}]
+    'change', [{'min_contrast': 0.15}, {'min_redness': -0.15}, {'min_fit': 0.75}]
 )
 def test_the_answers_do_not_hang_on_the_last_digit_of_a_threshold(buoys, change):
     detector = Detector(track=False, **change)
