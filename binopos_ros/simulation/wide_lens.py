@@ -2,7 +2,7 @@
 
 The equidistant model of Kannala and Brandt in four terms, as OpenCV's fisheye has it. As `lens.py`
 this is a derivation of its own: it works on angles, where `binopos_ros.optics` works on the image
-plane, and finds them by halving, where that takes Newton's steps.
+plane.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from binopos_ros.simulation.errors import SimulationError
 Array = NDArray[np.float64]
 
 TERMS = 4
-#: Halvings of a right angle down to its last digit.
-HALVINGS = 53
+#: Halvings of a right angle until Newton's method cannot miss, and its steps to the last digit.
+HALVINGS, STEPS = 7, 4
 
 
 class WideLens:
@@ -39,7 +39,7 @@ class WideLens:
         corners = [(u - 0.5, v - 0.5) for u in (0, width) for v in (0, height)]
         farthest = float(np.max(np.hypot(*self._plane(np.array(corners)))))
         angles = np.linspace(0.0, np.pi / 2, 1000)
-        images = self._image(angles)
+        images, _ = self._image(angles)
         rising = np.argmax(np.append(np.diff(images) <= 0, True)) + 1
         if images[:rising].max() <= farthest:
             what = 'shows more than 90 degrees off the axis' if rising == 1000 else 'folds over'
@@ -57,9 +57,12 @@ class WideLens:
         low, high = np.zeros_like(wanted), np.full_like(wanted, self._widest)
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            short = self._image(middle) < wanted
+            short = self._image(middle)[0] < wanted
             low, high = np.where(short, middle, low), np.where(short, high, middle)
         angle = 0.5 * (low + high)
+        for _ in range(STEPS):
+            image, slope = self._image(angle)
+            angle = np.clip(angle - (image - wanted) / slope, 0.0, self._widest)
         across = np.sin(angle) / np.where(wanted > 0, wanted, 1.0)
         return np.stack([x * across, y * across, np.cos(angle)], axis=1)
 
@@ -67,7 +70,7 @@ class WideLens:
         """(N, 3) directions with z > 0 to (N, 2) pixels."""
         directions = np.asarray(directions, float)
         across = np.hypot(directions[:, 0], directions[:, 1])
-        image = self._image(np.arctan2(across, directions[:, 2]))
+        image, _ = self._image(np.arctan2(across, directions[:, 2]))
         scale = image / np.where(across > 0, across, 1.0)
         x, y = directions[:, 0] * scale, directions[:, 1] * scale
         return np.stack(
@@ -82,8 +85,11 @@ class WideLens:
         y = (pixels[:, 1] - self.matrix[1, 2]) / self.matrix[1, 1]
         return (pixels[:, 0] - self.matrix[0, 2] - self.matrix[0, 1] * y) / self.matrix[0, 0], y
 
-    def _image(self, angle: Array) -> Array:
-        """How far from the principal point a ray comes to lie, in focal lengths."""
-        powers = angle[:, None] ** (2 * np.arange(1, TERMS + 1))
-        image: Array = angle * (1 + powers @ self.terms)
-        return image
+    def _image(self, angle: Array) -> tuple[Array, Array]:
+        """How far from the principal point a ray comes to lie, in focal lengths, and its slope."""
+        square = angle * angle
+        image, slope = np.zeros_like(angle), np.zeros_like(angle)
+        for power in range(TERMS, 0, -1):
+            term = self.terms[power - 1]
+            image, slope = square * (image + term), square * (slope + (2 * power + 1) * term)
+        return angle * (1 + image), 1 + slope
