@@ -53,8 +53,12 @@ _SLOWEST = 0.5
 #: Deviations of what chance adds to the misses' variance that are needed to tell a frequency, and
 #: pairs.
 _SURE, _LEAST_PAIRS = 3.0, 20.0
-#: Over this time (s) heights are compared: a small part of the period of waves that are long.
+#: Over this time (s) heights are compared, or from frame to frame where that is longer: a small
+#: part of the period of waves that are long.
 _LAG = 0.2
+#: Over this time (s) misses are: a quarter of the period of the quickest waves that are long, as
+#: there likeness tells the frequency best.
+_MISS_LAG = 0.25 / _LONG_WAVES
 _MEAN_ABSOLUTE_TO_DEVIATION = math.sqrt(math.pi / 2.0)
 
 _DIRECTIONS = (np.arange(16) + 0.5) * (math.pi / 32.0)
@@ -86,12 +90,31 @@ def may_wave(surface: FlatInterface | None) -> bool:
     return surface is not None and not surface.thicknesses
 
 
+class _Delay:
+    """A quantity as it was a lag before; where frames are rarer, in the last one."""
+
+    def __init__(self, lag: float) -> None:
+        self._lag = lag
+        self._past: deque[tuple[float, float]] = deque()
+
+    def older(self, stamp: float, value: float) -> tuple[float, float] | None:
+        """Take a value in; return the one of a lag before, after its age (s); None at first."""
+        past = self._past
+        while len(past) > 1 and stamp - past[0][0] > self._lag:
+            past.popleft()
+        past.append((stamp, value))
+        since = stamp - past[0][0]
+        return (since, past[0][1]) if since >= 0.5 * self._lag else None
+
+
 class _Heights:
     """How the target goes up and down slowly, which under a free surface may be the water's."""
 
     def __init__(self) -> None:
-        self._past: deque[tuple[float, float]] = deque()
-        self._count = self._seconds = self._mean = self._product = self._square = 0.0
+        self._delay = _Delay(_LAG)
+        self._stamp: float | None = None
+        self._count = self._seconds = self._lag = 0.0
+        self._mean = self._product = self._square = 0.0
 
     def add(self, stamp: float, height: float, noise: float) -> tuple[float, float]:
         """Take one height in (m), with its variance; return the slow part's, and its frequency.
@@ -99,32 +122,32 @@ class _Heights:
         Heights of different frames have no noise in common, so their product holds none but by
         chance: what there is less than that of is nothing.
         """
-        past = self._past
-        while past and stamp - past[0][0] > _LAG:
-            past.popleft()
-        if past and stamp <= past[-1][0]:
-            past.clear()
-        past.append((stamp, height))
-        lag = stamp - past[0][0]
-        if lag < 0.5 * _LAG:
+        self._compare(stamp, height)
+        moved = max(self._square - 2.0 * noise, 0.0)
+        variance = self._product + 0.5 * moved
+        if self._count == 0.0 or variance < _SURE * noise / math.sqrt(self._count):
             return 0.0, 0.0
-        elapsed = stamp - past[-2][0]
+        turn = math.acos(max(1.0 - 0.5 * moved / variance, -1.0))
+        frequency = max(turn / (2.0 * math.pi * self._lag), 1.0 / (2.0 * _COLOUR_MEMORY))
+        # Few periods tell a variance badly: Student's, not Gauss's, with two degrees a period.
+        return variance * (1.0 + 2.0 / (frequency * self._seconds)), frequency
+
+    def _compare(self, stamp: float, height: float) -> None:
+        elapsed = 0.0 if self._stamp is None else stamp - self._stamp
+        self._stamp = stamp
+        compared = self._delay.older(stamp, height)
+        if compared is None:
+            return
+        lag, older = compared
         fading = math.exp(-elapsed / _COLOUR_MEMORY)
         self._count = self._count * fading + 1.0
         self._seconds = self._seconds * fading + elapsed
         gain = 1.0 / self._count
+        self._lag += gain * (lag - self._lag)
         self._mean += gain * (height - self._mean)
-        rise, before = height - self._mean, past[0][1] - self._mean
+        rise, before = height - self._mean, older - self._mean
         self._product += gain * (rise * before - self._product)
         self._square += gain * ((rise - before) ** 2 - self._square)
-        moved = max(self._square - 2.0 * noise, 0.0)
-        variance = self._product + 0.5 * moved
-        if variance < _SURE * noise / math.sqrt(self._count):
-            return 0.0, 0.0
-        turn = math.acos(max(1.0 - 0.5 * moved / variance, -1.0))
-        frequency = max(turn / (2.0 * math.pi * lag), 1.0 / (2.0 * _COLOUR_MEMORY))
-        # Few periods tell a variance badly: Student's, not Gauss's, with two degrees a period.
-        return variance * (1.0 + 2.0 / (frequency * self._seconds)), frequency
 
 
 class MediumMeter:
@@ -158,10 +181,10 @@ class MediumMeter:
     def reset(self) -> None:
         """Forget all pairs: the water is taken for calm."""
         self._stamp: float | None = None
-        self._miss = 0.0
         self._total = self._mean = self._absolute = 0.0
-        self._count = self._square = self._product = 0.0
-        self._interval = 0.0
+        self._count = self._square = 0.0
+        self._compared = self._product = self._lag = 0.0
+        self._delay = _Delay(_MISS_LAG)
         self._heights = _Heights()
 
     @property
@@ -174,14 +197,10 @@ class MediumMeter:
     def frequency(self) -> float:
         """The waves' mean frequency in the rays' miss (Hz); nan where it does not show."""
         swing = self._square - 1.0
-        if (
-            swing < _SURE * math.sqrt(2.0 / max(self._count, 1.0))
-            or self._count < _LEAST_PAIRS
-            or self._interval <= 0.0
-        ):
+        if swing < _SURE * math.sqrt(2.0 / max(self._count, 1.0)) or self._compared < _LEAST_PAIRS:
             return math.nan
         likeness = min(max(self._product / swing, -1.0), 1.0)
-        return max(math.acos(likeness) / (2.0 * math.pi * self._interval), _SLOWEST)
+        return max(math.acos(likeness) / (2.0 * math.pi * self._lag), _SLOWEST)
 
     @property
     def _deviation(self) -> float:
@@ -225,7 +244,7 @@ class MediumMeter:
         if elapsed < 0.0:
             self.reset()
             elapsed = 0.0
-        before, self._stamp = self._stamp, stamp
+        self._stamp = stamp
         fading = math.exp(-elapsed / _LEVEL_MEMORY)
         usual = max(self._deviation, 1.0)
         self._total = self._total * fading + 1.0
@@ -236,11 +255,12 @@ class MediumMeter:
         self._mean += apart / (self._count + _DOUBTED)
         self._absolute += gain * (abs(apart) - self._absolute)
         self._square += (apart * apart - self._square) / self._count
-        if before is not None and elapsed > 0.0:
-            self._product += (apart * self._miss - self._product) / self._count
-            usual_interval = self._interval or elapsed
-            self._interval = usual_interval + (elapsed - usual_interval) / self._count
-        self._miss = apart
+        compared = self._delay.older(stamp, apart)
+        if compared is not None:
+            lag, older = compared
+            self._compared = self._compared * math.exp(-elapsed / _COLOUR_MEMORY) + 1.0
+            self._product += (apart * older - self._product) / self._compared
+            self._lag += (lag - self._lag) / self._compared
 
     def _raised(self, height: float, variance: float, frequency: float) -> Array:
         """Return what a surface may have done that goes up and down as the target seems to.

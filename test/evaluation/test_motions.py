@@ -163,6 +163,16 @@ def test_hardly_any_water_makes_poses_worse_and_most_of_what_it_does_is_covered(
     assert np.mean([each.inside for each in found]) >= 0.85
 
 
+@pytest.mark.parametrize('rate', [30.0, 15.0, 10.0, 5.0, 4.0, 3.0])
+def test_swell_over_a_still_target_is_covered_at_any_frame_rate(rate):
+    found = []
+    for seed in range(4):
+        rig, views = draw_water('swell', 'still', seed, frames=int(10.0 * rate), rate=rate)
+        found.append(score(views, *track(rig, views)))
+    assert np.mean([each.inside for each in found]) >= 0.85
+    assert np.mean([each.normalised for each in found]) < 2.0
+
+
 def test_calibration_leaves_the_poses_and_adds_what_it_shares_to_their_covariance():
     rig, covariance = calibrated_rig()
     exact, _ = last_seen(rig, rig, None, 5)

@@ -96,6 +96,16 @@ def test_a_target_that_goes_up_where_there_may_be_swell_is_stated_with_both_read
     assert added[0, 0] < 0.01 * added[2, 2]
 
 
+def test_what_swell_does_is_not_forgotten_where_the_target_was_out_of_sight():
+    _, points, noise, parts, meter = seen_through((0.15, 0.5, 0.3), 0.02, 1)
+    before = parts[-1].long[2, 2]
+    assert before > 10.0 * noise[-1, 2, 2]
+    for frame in range(6):
+        stamp = 11.0 + frame / 30.0
+        after = meter.add(stamp, np.zeros(4), (NOISE, NOISE), points[-1], noise[-1])
+        assert after.long[2, 2] > 0.3 * before
+
+
 def test_one_wrong_pair_is_no_wave():
     _, points, noise, _, meter = seen_through((1.6, 6.0, 2.5), 0.0, 5, count=150)
     before = meter.level

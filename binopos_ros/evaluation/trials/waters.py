@@ -19,7 +19,6 @@ from binopos_ros.simulation.waves import WaveSpectrum
 _PIXEL_STD = 0.05
 #: Of the water under the surface and above the target, and of the target's middle (m).
 _DEPTH, _TARGET = 0.6, 0.32
-_RATE = 30.0
 
 
 class Water(NamedTuple):
@@ -41,14 +40,16 @@ WATERS = {
 }
 
 
-def draw_water(name: str, path: str, seed: int, frames: int = 300) -> tuple[StereoRig, Views]:
-    """Return a rig above one of WATERS, and what it sees of a target at 30 Hz; seeded.
+def draw_water(
+    name: str, path: str, seed: int, frames: int = 300, rate: float = 30.0
+) -> tuple[StereoRig, Views]:
+    """Return a rig above one of WATERS, and what it sees of a target at `rate` (Hz); seeded.
 
     `path` is one of `paths.KINDS`, noise is 0.05 px.
     """
     random = np.random.default_rng([seed, list(WATERS).index(name)])
     water = WATERS[name]
-    stamps = np.arange(frames) / _RATE
+    stamps = np.arange(frames) / rate
     basin = Basin(surface=random.uniform(0.6, 0.9), focal_length=random.uniform(850.0, 1010.0))
     middle = np.array([0.5 * basin.baseline, 0.0, basin.surface + _TARGET])
     truth = middle + draw_path(path, stamps, random).position
