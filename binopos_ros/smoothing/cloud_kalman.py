@@ -18,11 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.smoothing import ladder, waves
-from binopos_ros.smoothing.axes import along, first_axes, following
+from binopos_ros.smoothing.axes import Axes, along, first_axes, following
 from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.ladder import Ladder
 from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option
+from binopos_ros.smoothing.scalars import (
+    Number,
+    applied,
+    beside,
+    components,
+    larger,
+    product,
+    smaller,
+)
 from binopos_ros.smoothing.waves import Waves
 
 Array = NDArray[np.float64]
@@ -32,6 +41,11 @@ _LEAST_CERTAINTY = 0.1
 #: The medium's variance, in the pixels', below which the water is calm and above which it is not:
 #: a window of calm residuals does not come out above the first.
 _CALM, _ROUGH = 0.4, 1.0
+# Where the numbers of a (6, 6) covariance are among those of its (3, 3) blocks: position's, the
+# two's, velocity's.
+_WHOLE = np.block(
+    [[np.arange(9).reshape(3, 3) + 9 * block for block in row] for row in ((0, 1), (1, 2))]
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -67,17 +81,17 @@ class CloudKalmanOptions(Options):
 
 
 class _Memory(NamedTuple):
-    """Both filters along the axes (..., 3, 3), rows, the last one the line of sight.
+    """Both filters along the axes.
 
     `rough` (...) is the share that the waves' filter has in what is said, `certainty` (...) the
     weight of the last position.
     """
 
-    axes: Array
+    axes: Axes
     free: Ladder
     waves: Waves | None
-    rough: Array
-    certainty: Array
+    rough: Number
+    certainty: Number
 
 
 class CloudKalmanFilter(Filter[_Memory]):
@@ -99,27 +113,27 @@ class CloudKalmanFilter(Filter[_Memory]):
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
         axes = first_axes(covariance[..., 0, :, :])
-        measured = (axes @ position[..., None])[..., 0]
-        noise, medium = _variances(_inside(axes, covariance))
+        measured = applied(axes.rows, position)
+        noise, medium = _variances(along(axes, covariance))
         wavy = None if medium is None else waves.start(measured, noise, medium)
         free = ladder.start(measured, _sum(noise, medium))
-        return _Memory(axes, free, wavy, _roughness(noise, medium), np.ones(position.shape[:-1]))
+        return _Memory(axes, free, wavy, _roughness(noise, medium), 1.0 + free.since)
 
     def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
         free = ladder.advance(memory.free, self._chain, elapsed)
-        if memory.waves is None:
-            return memory._replace(free=free)
-        return memory._replace(free=free, waves=waves.advance(memory.waves, elapsed))
+        wavy = None if memory.waves is None else waves.advance(memory.waves, elapsed)
+        return _Memory(memory.axes, free, wavy, memory.rough, memory.certainty)
 
     def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
-        inside = _inside(memory.axes, covariance)
-        axes = following(memory.axes, inside[..., 0, :, :])
+        seen = along(memory.axes, covariance)
+        axes = following(memory.axes, seen[..., 0, 2:])
         if axes is not None:
             memory = _turned(memory, axes)
-            inside = _inside(axes, covariance)
-        measured = (memory.axes @ position[..., None])[..., 0]
-        noise, medium = _variances(inside)
-        distance = np.sqrt((position * position).sum(axis=-1))
+            seen = along(axes, covariance)
+        measured = applied(memory.axes.rows, position)
+        noise, medium = _variances(seen)
+        x, y, z = components(position)
+        distance = (x * x + y * y + z * z) ** 0.5
         acceleration = self.options.max_acceleration + self.options.max_turning * distance
         free = ladder.correct(
             memory.free,
@@ -129,8 +143,8 @@ class CloudKalmanFilter(Filter[_Memory]):
             acceleration,
         )
         if medium is None:
-            calm = np.zeros_like(free.certainty)
-            return memory._replace(free=free.ladder, rough=calm, certainty=free.certainty)
+            calm = 0.0 * free.certainty
+            return _Memory(memory.axes, free.ladder, memory.waves, calm, free.certainty)
         if memory.waves is None:
             begun = waves.start(measured, noise, medium)
             return memory._replace(free=free.ladder, waves=begun, certainty=free.certainty)
@@ -142,22 +156,18 @@ class CloudKalmanFilter(Filter[_Memory]):
         )
 
     def _place(self, memory: _Memory) -> Array:
+        place = ladder.mean_position(memory.free)
         if memory.waves is not None:
-            return self._estimate(memory).position
-        return (ladder.mean_position(memory.free)[..., None, :] @ memory.axes)[..., 0, :]
+            apart = waves.mean_position(memory.waves) - place
+            place = place + beside(memory.rough, 1) * apart
+        return applied(memory.axes.rows.swapaxes(-1, -2), place)
 
     def _estimate(self, memory: _Memory) -> Estimate:
         mean, parts = ladder.moments(memory.free)
-        axes = memory.axes
-        across = axes.swapaxes(-1, -2)
-        state = mean @ axes
-        turned = across[..., None, :, :] * parts[..., None, :]
-        turned = turned @ axes[..., None, :, :]
-        covariance = np.empty((*state.shape[:-2], 2, 3, 2, 3))
-        covariance[..., 0, :, 0, :] = turned[..., 0, :, :]
-        covariance[..., 0, :, 1, :] = covariance[..., 1, :, 0, :] = turned[..., 1, :, :]
-        covariance[..., 1, :, 1, :] = turned[..., 2, :, :]
-        covariance = covariance.reshape(*state.shape[:-2], 6, 6)
+        state = product(mean, memory.axes.rows)
+        # Each axis' share in the covariances is a multiple of its direction's square.
+        blocks = product(parts, memory.axes.products[..., :3, :])
+        covariance = blocks.reshape(*blocks.shape[:-2], 27).take(_WHOLE, axis=-1)
         if memory.waves is not None and np.any(memory.rough):
             state, covariance = _blended(memory, memory.waves, state, covariance)
         used = memory.certainty * (memory.certainty > _LEAST_CERTAINTY)
@@ -168,41 +178,45 @@ def _sum(noise: Array, medium: Array | None) -> Array:
     return noise if medium is None else noise + medium
 
 
-def _inside(axes: Array, covariance: Array) -> Array:
-    """Return the parts of a covariance (..., parts, 3, 3) along the axes."""
-    return along(axes[..., None, :, :], covariance)
-
-
-def _variances(inside: Array) -> tuple[Array, Array | None]:
-    """Return the noise's and, where it is told, the medium's variances (..., 3) of `_inside`."""
-    both = inside.diagonal(axis1=-2, axis2=-1)
-    return both[..., 0, :], both[..., 1, :] if both.shape[-2] == 2 else None
+def _variances(seen: Array) -> tuple[Array, Array | None]:
+    """Return the noise's and, where it is told, the medium's variances (..., 3) along the axes."""
+    return seen[..., 0, :3], seen[..., 1, :3] if seen.shape[-2] == 2 else None
 
 
 def _blended(memory: _Memory, wavy: Waves, state: Array, covariance: Array) -> tuple[Array, Array]:
     """Return what both filters say together: states (..., 2, 3), covariances (..., 6, 6)."""
     other, spread = waves.moments(wavy)
+    axes = memory.axes.rows
     turn = np.zeros_like(covariance)
-    turn[..., :3, :3] = turn[..., 3:, 3:] = memory.axes
-    spread = turn.swapaxes(-1, -2) @ spread @ turn
-    share = memory.rough[..., None, None]
-    apart = other.reshape(state.shape) @ memory.axes - state
-    flat = apart.reshape(*state.shape[:-2], 6)
-    between = (1.0 - share) * flat[..., :, None] * flat[..., None, :]
-    return state + share * apart, covariance + share * (spread - covariance + between)
+    turn[..., :3, :3] = turn[..., 3:, 3:] = axes
+    spread = product(product(turn.swapaxes(-1, -2), spread), turn)
+    share = beside(memory.rough, 2)
+    apart = product(other.reshape(state.shape), axes)
+    apart -= state
+    flat = apart.reshape(*covariance.shape[:-1])
+    between = flat[..., :, None] * flat[..., None, :]
+    between *= 1.0 - share
+    spread += between
+    spread -= covariance
+    spread *= share
+    spread += covariance
+    apart *= share
+    apart += state
+    return apart, spread
 
 
-def _roughness(noise: Array, medium: Array | None) -> Array:
+def _roughness(noise: Array, medium: Array | None) -> Number:
     """Return from 0 to 1 how far the medium outweighs the noise."""
     if medium is None:
-        return np.zeros(noise.shape[:-1])
-    ratio = (medium / noise).mean(axis=-1)
-    return np.clip((ratio - _CALM) / (_ROUGH - _CALM), 0.0, 1.0)
+        return np.zeros(noise.shape[:-1]) if noise.ndim > 1 else 0.0
+    x, y, z = components(medium / noise)
+    share = ((x + y + z) / 3.0 - _CALM) / (_ROUGH - _CALM)
+    return smaller(larger(share, 0.0), 1.0)
 
 
-def _turned(memory: _Memory, axes: Array) -> _Memory:
+def _turned(memory: _Memory, axes: Axes) -> _Memory:
     """Return the memory along other axes."""
-    turn = axes @ memory.axes.swapaxes(-1, -2)
+    turn = axes.rows @ memory.axes.rows.swapaxes(-1, -2)
     return memory._replace(
         axes=axes,
         free=ladder.turned(memory.free, turn),

@@ -13,8 +13,11 @@ algorithm for systems with Markovian switching coefficients", IEEE TAC 33(8), 19
 chain in continuous time, whose unit is the time between frames. Seen as a cloud, the rungs are the
 widths that it may have: a normal cloud is a normal distribution whose width is itself uncertain.
 
-Arrays have leading dimensions for batches, then the rung and the axis. Each component has an array
-of its own: as small as they are, the number of calls is what costs, and strides cost more.
+What is kept of a rung is its share in the probability and in the first two moments of position and
+velocity: interaction and motion are linear in these, so each is one product over all rungs and
+axes at once. Arrays have leading dimensions for batches, then the moment, the axis and the rung.
+A step is some ninety calls on arrays of 45 numbers, so their number is what costs, and arrays of
+one shape cost a third of those that have to be stretched over each other.
 """
 
 from __future__ import annotations
@@ -27,7 +30,17 @@ from numpy.typing import NDArray
 
 from binopos_ros.smoothing.chain import eigenbasis
 from binopos_ros.smoothing.motion import Seconds
-from binopos_ros.smoothing.scalars import Number, beside, larger, product, smaller
+from binopos_ros.smoothing.scalars import (
+    Number,
+    anywhere,
+    applied,
+    beside,
+    components,
+    larger,
+    product,
+    smaller,
+    vector,
+)
 
 Array = NDArray[np.float64]
 
@@ -61,17 +74,45 @@ _NEAR = 4.0
 _LOG_DENSITY = -math.log(4.0 * math.pi * math.log(1e4))
 _LOG_TWO_PI = math.log(2.0 * math.pi)
 
-_FIRST_SPEEDS = np.maximum((_FIRST_SPEED**2) * INDICES, _LEAST_FIRST_SPEED**2)[:, None]
-_FIRST_SPEEDS[REST] = 0.0
-_DRIVEN = INDICES[:, None]
-_EVERY = np.ones(RUNGS)
+
+# Of all axes, as each has rungs of its own.
+_DRIVEN = np.tile(INDICES, (3, 1))
+_FIRST_SPEEDS = np.maximum(_FIRST_SPEED**2 * _DRIVEN, _LEAST_FIRST_SPEED**2)
+_FIRST_SPEEDS[:, REST] = 0.0
+#: What sums over rungs, once for each axis and once for each of its rungs.
+_SUM, _SUMS = np.ones(RUNGS), np.ones((RUNGS, RUNGS))
+#: What takes a number of each axis to all its rungs.
+_FOR_RUNGS = np.kron(np.eye(3), np.ones(RUNGS))
+
+#: The moments of a rung: its probability, and that times those of position p and velocity v.
+MOMENTS = 6
+WEIGHT, P, V, PP, PV, VV = range(MOMENTS)
+# Of p and v, what is multiplied for pp, pv and vv.
+_LEFT, _RIGHT = np.array([0, 0, 1]), np.array([0, 1, 1])
+
+
+def _motion() -> Array:
+    """Return the basis of what moments become over a time: (6, MOMENTS, MOMENTS + 1).
+
+    For 1, the time and its square, then for what the last column drives: white acceleration's
+    part in the moments pp, pv and vv.
+    """
+    basis = np.zeros((6, MOMENTS, MOMENTS + 1))
+    one, time, squared, *driven = basis
+    np.fill_diagonal(one, 1.0)
+    time[P, V] = time[PV, VV] = 1.0
+    time[PP, PV] = 2.0
+    squared[PP, VV] = 1.0
+    for each, moment in zip(driven, (PP, PV, VV), strict=True):
+        each[moment, MOMENTS] = 1.0
+    return basis.reshape(6, -1)
+
+
+_MOTION = _motion()
 
 
 class Switching(NamedTuple):
-    """Of the rungs' Markov chain: eigenvalues (R,) per frame, and projections (R, R * R).
-
-    The projections are transposed, so that they take the weights on as they stand.
-    """
+    """Of the rungs' Markov chain: eigenvalues (R,) per frame, and projections (R, R * R)."""
 
     rates: Array
     projections: Array
@@ -85,7 +126,7 @@ def switching(resting_frames: float) -> Switching:
     shares = np.where(apart == 0, 0.0, _FARTHER**apart)
     rates = shares / shares.sum(axis=1, keepdims=True) / dwells[:, None]
     eigenvalues, projections = eigenbasis(rates - np.diag(rates.sum(axis=1)))
-    return Switching(eigenvalues, projections.swapaxes(-1, -2).reshape(RUNGS, -1))
+    return Switching(eigenvalues, projections.reshape(RUNGS, -1))
 
 
 class Ladder(NamedTuple):
@@ -93,14 +134,13 @@ class Ladder(NamedTuple):
 
     Attributes
     ----------
-    places, speeds : (..., R, 3) array
-        Position (m) and velocity (m/s) per rung and axis.
-    place_variances, covariances, speed_variances : (..., R, 3) array
-        Their variances, and the covariance of both.
-    weights : (..., R, 3) array
-        Probabilities of the rungs.
-    variance : (..., 3) array
-        Of the last measurement (m^2).
+    origin : (..., 3) array
+        That positions in the moments are taken from, so that their squares do not swamp variances
+        (m).
+    moments : (..., MOMENTS, 3, R) array
+        Of each axis and rung.
+    variance : (..., 3, R) array
+        Of the last measurement (m^2), the same for each rung.
     interval : float or (...) array
         Time between frames (s); 0 until there were two.
     since : float or (...) array
@@ -108,12 +148,8 @@ class Ladder(NamedTuple):
 
     """
 
-    places: Array
-    speeds: Array
-    place_variances: Array
-    covariances: Array
-    speed_variances: Array
-    weights: Array
+    origin: Array
+    moments: Array
     variance: Array
     interval: Number
     since: Number
@@ -121,65 +157,50 @@ class Ladder(NamedTuple):
 
 def start(position: Array, variance: Array) -> Ladder:
     """Return the bank after a first position (..., 3) of that variance (..., 3) along the axes."""
-    shape = (*position.shape[:-1], RUNGS, 3)
-    places = np.broadcast_to(position[..., None, :], shape)
-    variances = np.broadcast_to(variance[..., None, :], shape)
-    nothing = np.zeros(shape)
-    weights = np.full(shape, 1.0 / RUNGS)
-    never = np.zeros(position.shape[:-1])[()]
-    return Ladder(places, nothing, variances, nothing, nothing, weights, variance, never, never)
+    batch = position.shape[:-1]
+    moments = np.zeros((*batch, MOMENTS, 3, RUNGS))
+    own = _for_rungs(variance)
+    moments[..., WEIGHT, :, :] = 1.0 / RUNGS
+    moments[..., PP, :, :] = own / RUNGS
+    never = np.zeros(batch) if batch else 0.0
+    return Ladder(position, moments, own, never, never)
 
 
 def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
     """Return the bank `elapsed` seconds later."""
-    interval = ladder.interval
-    new = np.equal(interval, 0.0)
-    if new.any():
-        # Of the velocity is known what two positions can say of it.
-        interval = np.where(new, np.clip(elapsed, *_INTERVALS), interval)[()]
-        per_frame = ladder.variance / beside(interval * interval, 1)
-        first = per_frame[..., None, :] * _FIRST_SPEEDS
-        speed_variances = np.where(beside(new, 2), first, ladder.speed_variances)
-        ladder = ladder._replace(speed_variances=speed_variances)
+    if anywhere(ladder.interval == 0.0):
+        ladder = _with_speeds(ladder, elapsed)
+    origin, moments, variance, interval, since = ladder
+    batch = moments.shape[:-3]
     frames = elapsed / interval
-    switch = np.exp(np.multiply.outer(frames, chain.rates)).dot(chain.projections)
-    # To the row's rung from the column's.
-    switch = switch.reshape(*switch.shape[:-1], RUNGS, RUNGS)
-    weights = product(switch, ladder.weights)
-    share = 1.0 / weights
-    origin = ladder.places[..., :1, :]
-    place, speed, pp, pv, vv = (product(switch, each) * share for each in _moments(ladder, origin))
-    pp -= place * place
-    pv -= place * speed
-    vv -= speed * speed
-    for each in (speed, pv, vv):
-        each[..., REST, :] = 0.0
-    time = beside(elapsed, 2)
-    gained = time * vv
-    pp += time * (2.0 * pv + gained)
-    pv += gained
-    place += time * speed
-    place += origin
-    # White acceleration.
+    switch = np.exp(beside(frames, 1) * chain.rates).dot(chain.projections)
+    mixed = np.empty((*batch, MOMENTS + 1, 3, RUNGS))
+    flat = mixed.reshape(*batch, -1, RUNGS)
+    # From the row's rung to the column's.
+    np.matmul(
+        moments.reshape(*batch, -1, RUNGS),
+        switch.reshape(*batch, RUNGS, RUNGS),
+        out=flat[..., : 3 * MOMENTS, :],
+    )
+    mixed[..., V, :, REST] = mixed[..., PV:MOMENTS, :, REST] = 0.0
+    np.multiply(mixed[..., WEIGHT, :, :], variance * _DRIVEN, out=mixed[..., MOMENTS, :, :])
     rate = 1.0 / interval
-    driven = ladder.variance[..., None, :] * _DRIVEN
-    pp += beside(frames**3 / 3.0, 2) * driven
-    pv += beside(0.5 * rate * frames**2, 2) * driven
-    vv += beside(frames * rate * rate, 2) * driven
-    since = ladder.since + elapsed
-    return Ladder(place, speed, pp, pv, vv, weights, ladder.variance, interval, since)
+    gained = frames**3 / 3.0, 0.5 * rate * frames**2, frames * rate * rate
+    powers = vector((1.0 + 0.0 * elapsed, elapsed, elapsed * elapsed, *gained))
+    motion = powers.dot(_MOTION).reshape(*batch, MOMENTS, MOMENTS + 1)
+    moved = product(motion, mixed.reshape(*batch, MOMENTS + 1, 3 * RUNGS))
+    return Ladder(origin, moved.reshape(moments.shape), variance, interval, since + elapsed)
 
 
-def _moments(ladder: Ladder, origin: Array) -> tuple[Array, ...]:
-    """Return each rung's share in the first and second moments of p and v, (..., R, 3) each.
-
-    They are about `origin` (..., 1, 3), m, so that squares of positions do not swamp variances.
-    """
-    weights, p, v = ladder.weights, ladder.places - origin, ladder.speeds
-    of_p, of_v = weights * p, weights * v
-    pp = weights * ladder.place_variances + of_p * p
-    pv = weights * ladder.covariances + of_p * v
-    return of_p, of_v, pp, pv, weights * ladder.speed_variances + of_v * v
+def _with_speeds(ladder: Ladder, elapsed: Seconds) -> Ladder:
+    """Return the bank with what two positions can say of velocities, that time apart."""
+    new = ladder.interval == 0.0
+    apart = smaller(larger(elapsed, _INTERVALS[0]), _INTERVALS[1])
+    interval = apart if isinstance(apart, float) else np.where(new, apart, ladder.interval)
+    moments = ladder.moments.copy()
+    speeds = moments[..., WEIGHT, :, :] * ladder.variance * _FIRST_SPEEDS
+    moments[..., VV, :, :] += beside(new / (interval * interval), 2) * speeds
+    return ladder._replace(moments=moments, interval=interval)
 
 
 class Reading(NamedTuple):
@@ -189,103 +210,170 @@ class Reading(NamedTuple):
     ----------
     ladder : Ladder
         After it.
-    certainty : (...) array
+    certainty : float or (...) array
         Probability that the position is the target's, not another thing's.
 
     """
 
     ladder: Ladder
-    certainty: Array
+    certainty: Number
 
 
 def correct(
-    ladder: Ladder, position: Array, variance: Array, wrong_share: float, acceleration: Array
+    ladder: Ladder, position: Array, variance: Array, wrong_share: float, acceleration: Number
 ) -> Reading:
     """Return the bank after a position (..., 3) of that variance (..., 3) along the axes.
 
     A position further from the prediction than `acceleration` (...), m/s^2, could take the target
     is weighed against one that is not the target's, of which there is a share of `wrong_share`.
     """
-    own = variance[..., None, :]
-    a, b = ladder.place_variances, ladder.covariances
-    expected = a + own
-    apart = position[..., None, :] - ladder.places
-    # The density of positions by their narrowest explanation says how near is near.
-    narrow = 1.0 / np.sqrt(_over_rungs(ladder.weights / expected))
-    distance = np.abs(_over_rungs(ladder.weights * apart))
-    reach = beside(0.5 * acceleration * ladder.since * ladder.since, 1) + _NEAR * narrow
-    far = np.greater(distance, reach)
+    own = _for_rungs(variance)
+    weights, first, *_ = _layers(ladder.moments)
+    p, v, pp, pv, vv = _parted(ladder.moments)
+    expected = pp + own
+    off = position - ladder.origin
+    apart = _for_rungs(off) - p
+    mean = first.dot(_SUMS)
+    shift = mean[..., 0]
+    x, y, z = components(off - shift)
     # The gain is the optimal one or, on rungs that follow, 1.
-    near, turn = a / expected, b / expected
-    near[..., _FOLLOWS:, :] = 1.0
-    pp, pv, vv = near * own, turn * own, ladder.speed_variances - turn * b
+    near, turn = pp / expected, pv / expected
+    near[..., _FOLLOWS:] = 1.0
     by_place, by_speed = near * apart, turn * apart
-    if far.any():
-        astray = np.logical_or.reduce(far, axis=-1)
-        # No rung may say that the target got further than it can.
-        farthest = np.where(astray[..., None, None], (reach * reach)[..., None, :], np.inf)
-        seen, likelihoods = _weighed(ladder.weights, apart, np.minimum(a, farthest) + own)
-        # Of each axis, in logarithms.
-        total, least = (each[..., 0, :] for each in likelihoods)
-        likelihood = (np.log(total) - 0.5 * (least + _LOG_TWO_PI)).sum(axis=-1)
-        radius = np.sqrt(((distance / narrow) ** 2).sum(axis=-1))
-        wrong = _LOG_DENSITY - 3.0 * np.log(radius) - np.log(narrow).sum(axis=-1)
-        odds = np.exp(np.clip(wrong - likelihood, -700, 700))
-        odds *= wrong_share / (1.0 - wrong_share)
-        certainty = np.where(astray, 1.0 / (1.0 + odds), 1.0)
-        sure = certainty[..., None, None]
-        seen *= sure
-        weights = np.maximum(seen + (1.0 - sure) * ladder.weights, _LEAST_WEIGHT)
-        # Of each rung the share of it that holds the position for the target's.
-        taken = np.minimum(seen / weights, 1.0)
+    after = near * own, turn * own, vv - turn * pv
+    within = 0.5 * acceleration * ladder.since * ladder.since
+    doubt = None
+    if anywhere((abs(x) > within) | (abs(y) > within) | (abs(z) > within)):
+        doubt = _doubt(weights, apart, pp, own, off - shift, within, wrong_share)
+    certainty: Number
+    if doubt is None:
+        weights, _ = _weighed(weights, apart, expected)
+        np.maximum(weights, _LEAST_WEIGHT, out=weights)
+        certainty = 1.0 + 0.0 * ladder.since
+    else:
+        weights, taken, certainty = doubt
         both = taken * (1.0 - taken)
-        pp = a + taken * (pp - a) + both * by_place * by_place
-        pv = b + taken * (pv - b) + both * by_place * by_speed
-        vv = ladder.speed_variances + taken * (vv - ladder.speed_variances)
-        vv += both * by_speed * by_speed
+        squares = by_place * by_place, by_place * by_speed, by_speed * by_speed
+        after = tuple(
+            before + taken * (new - before) + both * square
+            for before, new, square in zip((pp, pv, vv), after, squares, strict=True)
+        )
         by_place *= taken
         by_speed *= taken
-    else:
-        weights, _ = _weighed(ladder.weights, apart, expected)
-        np.maximum(weights, _LEAST_WEIGHT, out=weights)
-        certainty = np.ones(far.shape[:-1])
+    by_place += p
+    by_place -= mean
+    by_speed += v
+    moments = _joined(weights, by_place, by_speed, *after)
     ratio = larger(ladder.since / ladder.interval, 1.0 / _LONGEST_RATIO)
     interval = ladder.interval * smaller(ratio, _LONGEST_RATIO) ** _NEW_INTERVAL
     interval = smaller(larger(interval, _INTERVALS[0]), _INTERVALS[1])
-    places, speeds = ladder.places + by_place, ladder.speeds + by_speed
-    after = Ladder(places, speeds, pp, pv, vv, weights, variance, interval, 0.0 * ladder.since)
-    return Reading(after, certainty)
+    return Reading(
+        Ladder(ladder.origin + shift, moments, own, interval, 0.0 * ladder.since), certainty
+    )
 
 
-def _over_rungs(values: Array) -> Array:
-    """Return the sum over rungs of values (..., R, 3)."""
-    return product(_EVERY, values)
+def _doubt(
+    weights: Array,
+    apart: Array,
+    foretold: Array,
+    own: Array,
+    off: Array,
+    within: Number,
+    wrong_share: float,
+) -> tuple[Array, Array, Array] | None:
+    """Return the rungs' probabilities after a position that may be another thing's.
+
+    And of each rung (..., 3, R) the share of it that holds the position for the target's, and the
+    certainty (...) that it is. None where the position is near enough not to be doubted.
+
+    `apart` (..., 3, R) is what it is off each rung's prediction, `foretold` that one's variance
+    and `own` (..., 3, R) the measurement's; `off` (..., 3) is what it is off the mean, and
+    `within` (...) what the target may do by itself, m.
+    """
+    # The density of positions by their narrowest explanation says how near is near.
+    density = (weights / (foretold + own)).dot(_SUM)
+    distance = np.abs(off)
+    reach = beside(within, 1) + _NEAR / np.sqrt(density)
+    astray = np.logical_or.reduce(distance > reach, axis=-1)
+    if not astray.any():
+        return None
+    # No rung may say that the target got further than it can.
+    farthest = np.where(astray[..., None], reach * reach, np.inf)[..., None]
+    seen, likelihoods = _weighed(weights, apart, np.minimum(foretold, farthest) + own)
+    # Of each axis, in logarithms.
+    total, least = (each[..., 0] for each in likelihoods)
+    likelihood = (np.log(total) - 0.5 * (least + _LOG_TWO_PI)).sum(axis=-1)
+    # In the narrowest explanation's deviations.
+    radius = np.sqrt((distance * distance * density).sum(axis=-1))
+    wrong = _LOG_DENSITY - 3.0 * np.log(radius) + 0.5 * np.log(density).sum(axis=-1)
+    odds = np.exp(np.clip(wrong - likelihood, -700, 700))
+    odds *= wrong_share / (1.0 - wrong_share)
+    certainty = np.where(astray, 1.0 / (1.0 + odds), 1.0)
+    sure = certainty[..., None, None]
+    seen *= sure
+    weights = np.maximum(seen + (1.0 - sure) * weights, _LEAST_WEIGHT)
+    return weights, np.minimum(seen / weights, 1.0), certainty[()]
 
 
 def _weighed(weights: Array, apart: Array, variance: Array) -> tuple[Array, tuple[Array, Array]]:
     """Return the rungs' probabilities after a position, and what its likelihood is made of.
 
-    That is their sum in units of the best rung's, and that one's exponent, (..., 1, 3) each.
-
-    `apart` and `variance` (..., R, 3) are what it is off each rung's prediction, and was to be.
+    That is their sum in units of the best rung's, and that one's exponent, the same for each rung.
+    `apart` and `variance` (..., 3, R) are what it is off each rung's prediction, and was to be.
     """
     exponent = apart * apart
     exponent /= variance
     exponent += np.log(variance)
-    least = np.minimum.reduce(exponent, axis=-2, keepdims=True)
+    least = np.minimum.reduce(exponent, axis=-1, keepdims=True)
     exponent -= least
     exponent *= -0.5
     seen = np.exp(exponent, out=exponent)
     seen *= weights
-    total = np.add.reduce(seen, axis=-2, keepdims=True)
+    total = seen.dot(_SUMS)
     seen /= total
     return seen, (total, least)
 
 
+def _layers(moments: Array) -> list[Array]:
+    """Return the moments (..., MOMENTS, 3, R) one by one: views (..., 3, R)."""
+    return list(moments if moments.ndim == 3 else np.moveaxis(moments, -3, 0))
+
+
+def _for_rungs(vector: Array) -> Array:
+    """Return the numbers of the axes (..., 3) for each of their rungs (..., 3, R)."""
+    return vector.dot(_FOR_RUNGS).reshape(*vector.shape, RUNGS)
+
+
+def _parted(moments: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Return means of p and v of the rungs, and the variances and covariance pp, pv and vv."""
+    weights, of_p, of_v, of_pp, of_pv, of_vv = _layers(moments)
+    p, v = of_p / weights, of_v / weights
+    pp, pv, vv = of_pp / weights, of_pv / weights, of_vv / weights
+    pp -= p * p
+    pv -= p * v
+    vv -= v * v
+    return p, v, pp, pv, vv
+
+
+def _joined(weights: Array, p: Array, v: Array, pp: Array, pv: Array, vv: Array) -> Array:
+    """Return the moments that come apart into these: see :func:`_parted`."""
+    moments = np.empty((*weights.shape[:-2], MOMENTS, 3, RUNGS))
+    of_weights, of_p, of_v, of_pp, of_pv, of_vv = _layers(moments)
+    of_weights[...] = weights
+    np.multiply(weights, p, out=of_p)
+    np.multiply(weights, v, out=of_v)
+    np.multiply(weights, pp, out=of_pp)
+    np.multiply(weights, pv, out=of_pv)
+    np.multiply(weights, vv, out=of_vv)
+    of_pp += of_p * p
+    of_pv += of_p * v
+    of_vv += of_v * v
+    return moments
+
+
 def mean_position(ladder: Ladder) -> Array:
     """Return the position (..., 3) along the axes, over all rungs."""
-    origin = ladder.places[..., :1, :]
-    return origin[..., 0, :] + _over_rungs(ladder.weights * (ladder.places - origin))
+    return ladder.origin + ladder.moments[..., P, :, :].dot(_SUM)
 
 
 def moments(ladder: Ladder) -> tuple[Array, Array]:
@@ -293,13 +381,11 @@ def moments(ladder: Ladder) -> tuple[Array, Array]:
 
     In rows: position and velocity; the position's variances, covariances, the velocity's.
     """
-    origin = ladder.places[..., :1, :]
-    place, speed, pp, pv, vv = map(_over_rungs, _moments(ladder, origin))
-    pp -= place * place
-    pv -= place * speed
-    vv -= speed * speed
-    means = np.stack((place + origin[..., 0, :], speed), axis=-2)
-    return means, np.stack((pp, pv, vv), axis=-2)
+    total = ladder.moments.dot(_SUM)
+    means, spreads = total[..., P:PP, :], total[..., PP:, :]
+    spreads -= means.take(_LEFT, axis=-2) * means.take(_RIGHT, axis=-2)
+    means[..., 0, :] += ladder.origin
+    return means, spreads
 
 
 def turned(ladder: Ladder, turn: Array) -> Ladder:
@@ -308,5 +394,7 @@ def turned(ladder: Ladder, turn: Array) -> Ladder:
     Positions and velocities turn with the axes. Their variances stay with the axes: it is the line
     of sight that they come from, and a step turns it by next to nothing.
     """
-    across = turn.swapaxes(-1, -2)
-    return ladder._replace(places=ladder.places @ across, speeds=ladder.speeds @ across)
+    p, v, *spreads = _parted(ladder.moments)
+    weights = ladder.moments[..., WEIGHT, :, :]
+    moments = _joined(weights, product(turn, p), product(turn, v), *spreads)
+    return ladder._replace(origin=applied(turn, ladder.origin), moments=moments)

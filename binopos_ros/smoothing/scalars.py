@@ -68,3 +68,13 @@ def beside(number: Number, dimensions: int) -> Number:
 def product(left: Array, right: Array) -> Array:
     """Return the product of matrices; dot() is the quicker one where there is no batch."""
     return left.dot(right) if right.ndim == 2 else left @ right
+
+
+def applied(matrix: Array, vector: Array) -> Array:
+    """Return what a matrix (..., k, l) makes of a vector (..., l)."""
+    return matrix.dot(vector) if vector.ndim == 1 else (matrix @ vector[..., None])[..., 0]
+
+
+def anywhere(condition: bool | NDArray[np.bool_]) -> bool:
+    """Tell whether a condition holds, of one sequence or of any of a batch."""
+    return condition if isinstance(condition, bool) else bool(condition.any())

@@ -137,14 +137,20 @@ def correct(waves: Waves, position: Array, noise: Array, medium: Array) -> Readi
     return Reading(Waves(bank, clouds, spread, trust), certainty)
 
 
-def believable(waves: Waves, noise: Array, medium: Array) -> Array:
+def believable(waves: Waves, noise: Array, medium: Array) -> Number:
     """Return from 0 to 1 how far the filter keeps to what is measured; see :func:`start`.
 
     Waves leave the mean in its place: a lag beyond what they may be is the target's motion.
     """
-    lags = vector(cloud.expectation for cloud in waves.clouds)
-    farthest = (np.abs(lags) / np.sqrt(noise + medium)).max(axis=-1)
-    return np.clip(2.0 - farthest / _MOST_WAVES, 0.0, 1.0)
+    farthest: Number = 0.0
+    for cloud, variance in zip(waves.clouds, components(noise + medium), strict=True):
+        farthest = larger(farthest, abs(cloud.expectation) / variance**0.5)
+    return smaller(larger(2.0 - farthest / _MOST_WAVES, 0.0), 1.0)
+
+
+def mean_position(waves: Waves) -> Array:
+    """Return the position (..., 3) along the axes."""
+    return wave_bank.mean_position(waves.bank)
 
 
 def moments(waves: Waves) -> tuple[Array, Array]:

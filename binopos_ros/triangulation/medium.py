@@ -66,7 +66,7 @@ _COSINES = np.cos(_DIRECTIONS)
 #: Of slopes at two points: across the line between them, and along it.
 _LIKENESS = np.array([2.0 * np.sin(_DIRECTIONS) ** 2 / 16.0, 2.0 * _COSINES**2 / 16.0])
 
-_NOTHING, _EYE = np.zeros((3, 3)), np.eye(3)
+_NOTHING = np.zeros((3, 3))
 
 
 class Fluctuation(NamedTuple):
@@ -172,6 +172,7 @@ class MediumMeter:
         self._middle = 0.5 * centre
         self._normal = normal
         self._along_normal = np.outer(normal, normal)
+        self._across_normal = np.eye(3) - self._along_normal
         self._distance = surface.distance
         self._height = surface.distance - float(normal @ self._middle)
         self._index = surface.target_index / surface.indices[0]
@@ -220,13 +221,15 @@ class MediumMeter:
         """
         self._follow(stamp, self._signed_miss(residuals, covs))
         frequency = self.frequency
+        level, height = self.level, float(self._normal.dot(point))
+        depth = max(height - self._distance, 0.0)
+        is_short = level > 0.0 and not frequency < _LONG_WAVES
         # Long waves swing too slowly to count as noise.
-        short = _NOTHING if frequency < _LONG_WAVES else self.level**2 * noise
-        long = self._long(frequency, point, noise)
-        if self._may_swell and not (self.level > 0.0 and frequency >= _LONG_WAVES):
-            height = float(self._normal.dot(point))
+        short = level * level * noise if is_short else _NOTHING
+        long = self._long(frequency, depth, point, noise)
+        if self._may_swell and not (level > 0.0 and frequency >= _LONG_WAVES):
             along_normal = float(self._normal.dot(noise).dot(self._normal))
-            long = long + self._raised(height, *self._heights.add(stamp, height, along_normal))
+            long = long + self._raised(depth, *self._heights.add(stamp, height, along_normal))
         return Fluctuation(short, long)
 
     def _signed_miss(self, residuals: Array, covs: tuple[Array, Array]) -> float:
@@ -262,11 +265,11 @@ class MediumMeter:
             self._product += (apart * older - self._product) / self._compared
             self._lag += (lag - self._lag) / self._compared
 
-    def _raised(self, height: float, variance: float, frequency: float) -> Array:
+    def _raised(self, depth: float, variance: float, frequency: float) -> Array:
         """Return what a surface may have done that goes up and down as the target seems to.
 
         Args:
-            height: of the target along the surface's normal, m.
+            depth: of the target below the surface, m.
             variance: of its slow part, m^2.
             frequency: of that, Hz.
         """
@@ -274,15 +277,13 @@ class MediumMeter:
             return _NOTHING
         hidden = 1.0 - 1.0 / self._index
         slope = (2.0 * math.pi * frequency) ** 2 / GRAVITY / (self._index - 1.0)
-        depth = max(height - self._distance, 0.0)
         across = variance * (depth * hidden * slope) ** 2
-        return variance * self._along_normal + across * (_EYE - self._along_normal)
+        return variance * self._along_normal + across * self._across_normal
 
-    def _long(self, frequency: float, point: Array, noise: Array) -> Array:
+    def _long(self, frequency: float, depth: float, point: Array, noise: Array) -> Array:
         """Return what long waves add: see the head of this file."""
         if not frequency < _LONG_WAVES:
             return _NOTHING
-        depth = max(float(self._normal.dot(point)) - self._distance, 0.0)
         below = depth / self._index
         separation = self._apart * below / (self._height + below)
         wavenumber = (2.0 * math.pi * frequency) ** 2 / GRAVITY
@@ -291,18 +292,27 @@ class MediumMeter:
             return _NOTHING
         # In units of what independent shifts of the same miss would do.
         common = math.sqrt((1.0 + across) / (1.0 - across))
-        apart = math.sqrt((1.0 - along) / (1.0 - across))
-        sight = point - self._middle
-        sight = sight / math.sqrt(float(sight.dot(sight)))
-        stretch = common * _EYE + (apart - common) * np.multiply.outer(sight, sight)
+        further = math.sqrt((1.0 - along) / (1.0 - across)) - common
         # Again few periods tell little.
         doubt = 1.0 + 2.0 / (frequency * _COLOUR_MEMORY)
-        result: Array = stretch.dot(noise).dot((doubt * (self._square - 1.0)) * stretch)
+        scale = doubt * (self._square - 1.0)
+        # The noise, stretched by `common` in all directions and `further` along the line of sight.
+        sight = point - self._middle
+        sight /= math.sqrt(float(sight.dot(sight)))
+        leaning = noise.dot(sight)
+        along_sight = float(sight.dot(leaning))
+        leaning *= scale * further * common
+        leaning += (0.5 * scale * further * further * along_sight) * sight
+        both = np.multiply.outer(sight, leaning)
+        result: Array = (scale * common * common) * noise
+        result += both
+        result += both.T
         if depth > 0.0:
-            lateral = 0.5 * float(result.trace() - sight.dot(result).dot(sight))
+            (xx, _, _), (_, yy, _), (_, _, zz) = noise.tolist()
+            lateral = 0.5 * scale * common * common * (xx + yy + zz - along_sight)
             # A slope s shifts the target by depth s (1 - 1/n); a crest of s / k raises the
             # surface, and hides (n - 1) of its height.
             crest = math.sqrt(lateral) / (depth * (1.0 - 1.0 / self._index) * wavenumber)
             rise = (self._index - 1.0) * crest
-            result = result + rise * rise * self._along_normal
+            result += rise * rise * self._along_normal
         return result
