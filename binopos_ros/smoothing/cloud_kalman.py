@@ -170,7 +170,8 @@ class CloudKalmanFilter(Filter[_Memory]):
         covariance = blocks.reshape(*blocks.shape[:-2], 27).take(_WHOLE, axis=-1)
         if memory.waves is not None and np.any(memory.rough):
             state, covariance = _blended(memory, memory.waves, state, covariance)
-        used = memory.certainty * (memory.certainty > _LEAST_CERTAINTY)
+        enough: Any = memory.certainty > _LEAST_CERTAINTY
+        used: Number = memory.certainty * enough
         return Estimate(state[..., 0, :], state[..., 1, :], covariance, used)
 
 

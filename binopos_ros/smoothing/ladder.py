@@ -16,8 +16,7 @@ widths that it may have: a normal cloud is a normal distribution whose width is 
 What is kept of a rung is its share in the probability and in the first two moments of position and
 velocity: interaction and motion are linear in these, so each is one product over all rungs and
 axes at once. Arrays have leading dimensions for batches, then the moment, the axis and the rung.
-A step is some ninety calls on arrays of 45 numbers, so their number is what costs, and arrays of
-one shape cost a third of those that have to be stretched over each other.
+What costs is the number of calls, three times as much where shapes have to be stretched.
 """
 
 from __future__ import annotations
@@ -228,12 +227,12 @@ def correct(
     is weighed against one that is not the target's, of which there is a share of `wrong_share`.
     """
     own = _for_rungs(variance)
-    weights, first, *_ = _layers(ladder.moments)
+    weights, total, *_ = _layers(ladder.moments)
     p, v, pp, pv, vv = _parted(ladder.moments)
     expected = pp + own
     off = position - ladder.origin
     apart = _for_rungs(off) - p
-    mean = first.dot(_SUMS)
+    mean = total.dot(_SUMS)
     shift = mean[..., 0]
     x, y, z = components(off - shift)
     # The gain is the optimal one or, on rungs that follow, 1.
@@ -245,18 +244,18 @@ def correct(
     doubt = None
     if anywhere((abs(x) > within) | (abs(y) > within) | (abs(z) > within)):
         doubt = _doubt(weights, apart, pp, own, off - shift, within, wrong_share)
-    certainty: Number
+    certainty: Number = 1.0 + 0.0 * ladder.since
     if doubt is None:
         weights, _ = _weighed(weights, apart, expected)
         np.maximum(weights, _LEAST_WEIGHT, out=weights)
-        certainty = 1.0 + 0.0 * ladder.since
     else:
         weights, taken, certainty = doubt
-        both = taken * (1.0 - taken)
-        squares = by_place * by_place, by_place * by_speed, by_speed * by_speed
-        after = tuple(
-            before + taken * (new - before) + both * square
-            for before, new, square in zip((pp, pv, vv), after, squares, strict=True)
+        pp_after, pv_after, vv_after = after
+        # Of those that take it and those that do not, each rung keeps the spread of both.
+        after = (
+            pp + taken * (pp_after - pp + (1.0 - taken) * by_place * by_place),
+            pv + taken * (pv_after - pv + (1.0 - taken) * by_place * by_speed),
+            vv + taken * (vv_after - vv + (1.0 - taken) * by_speed * by_speed),
         )
         by_place *= taken
         by_speed *= taken
@@ -267,9 +266,8 @@ def correct(
     ratio = larger(ladder.since / ladder.interval, 1.0 / _LONGEST_RATIO)
     interval = ladder.interval * smaller(ratio, _LONGEST_RATIO) ** _NEW_INTERVAL
     interval = smaller(larger(interval, _INTERVALS[0]), _INTERVALS[1])
-    return Reading(
-        Ladder(ladder.origin + shift, moments, own, interval, 0.0 * ladder.since), certainty
-    )
+    read = Ladder(ladder.origin + shift, moments, own, interval, 0.0 * ladder.since)
+    return Reading(read, certainty)
 
 
 def _doubt(

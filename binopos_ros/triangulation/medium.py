@@ -204,6 +204,14 @@ class MediumMeter:
         return max(math.acos(likeness) / (2.0 * math.pi * self._lag), _SLOWEST)
 
     @property
+    def _surely_short(self) -> bool:
+        """Whether misses are less alike than those of long waves, beyond chance."""
+        if self._compared < _LEAST_PAIRS:
+            return False
+        least = (self._square - 1.0) * math.cos(2.0 * math.pi * _LONG_WAVES * self._lag)
+        return self._product < least - _SURE * self._square / math.sqrt(self._compared)
+
+    @property
     def _deviation(self) -> float:
         return _MEAN_ABSOLUTE_TO_DEVIATION * self._absolute
 
@@ -227,7 +235,7 @@ class MediumMeter:
         # Long waves swing too slowly to count as noise.
         short = level * level * noise if is_short else _NOTHING
         long = self._long(frequency, depth, point, noise)
-        if self._may_swell and not (level > 0.0 and frequency >= _LONG_WAVES):
+        if self._may_swell and not (level > 0.0 and self._surely_short):
             along_normal = float(self._normal.dot(noise).dot(self._normal))
             long = long + self._raised(depth, *self._heights.add(stamp, height, along_normal))
         return Fluctuation(short, long)
