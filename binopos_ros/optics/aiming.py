@@ -13,6 +13,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
+from binopos_ros.optics.arithmetic import FLOATS
 from binopos_ros.optics.surfaces import Surfaces
 
 Vector = tuple[float, float, float]
@@ -100,7 +101,7 @@ def aim(surfaces: Surfaces, basis: tuple[Vector, ...], target: Vector) -> Aim | 
     fp, fq = up / cosine, uq / cosine
     p_by = (px - fp * nx, py - fp * ny, pz - fp * nz)
     q_by = (qx - fq * nx, qy - fq * ny, qz - fq * nz)
-    bent = _by_last_index(surfaces, before)
+    bent = surfaces.bent_by_last_index(before, FLOATS)
     slip = (bent[0] * nx + bent[1] * ny + bent[2] * nz) / cosine
     ip = reach * (px * bent[0] + py * bent[1] + pz * bent[2] - slip * up)
     iq = reach * (qx * bent[0] + qy * bent[1] + qz * bent[2] - slip * uq)
@@ -165,19 +166,4 @@ def _shoot(
         (ux, uy, uz),
         ((vx, vy, vz), (wx, wy, wz)),
         before,
-    )
-
-
-def _by_last_index(surfaces: Surfaces, before: Vector) -> Vector:
-    """Return how the direction beyond the last plane turns with the last medium's index."""
-    nx, ny, nz, _, ratio = surfaces.planes[-1]
-    ux, uy, uz = before
-    cosine = ux * nx + uy * ny + uz * nz
-    sine2 = 1.0 - cosine * cosine
-    by_index = -ratio / surfaces.indices[-1]
-    along = -(ratio * sine2 / sqrt(1.0 - ratio * ratio * sine2) + cosine)
-    return (
-        by_index * (ux + along * nx),
-        by_index * (uy + along * ny),
-        by_index * (uz + along * nz),
     )

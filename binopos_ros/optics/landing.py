@@ -78,7 +78,7 @@ class BehindDomePath:
         fp, fq = up / cosine, uq / cosine
         p_by = (px - fp * nx, py - fp * ny, pz - fp * nz)
         q_by = (qx - fq * nx, qy - fq * ny, qz - fq * nz)
-        bx, by, bz = _by_last_index(self._surfaces, landing.before, arithmetic)
+        bx, by, bz = self._surfaces.bent_by_last_index(landing.before, arithmetic)
         slip = (bx * nx + by * ny + bz * nz) / cosine
         ip = -landing.reach * (px * bx + py * by + pz * bz - slip * up)
         iq = -landing.reach * (qx * bx + qy * by + qz * bz - slip * uq)
@@ -208,21 +208,6 @@ def _refracted(
         bent.append(turned if turns is None else _sum(turned, along, turns[i], 0.0, normal))
     straight = (ratio * u[0], ratio * u[1], ratio * u[2])
     return _sum(straight, along, normal, 0.0, normal), tuple(bent)
-
-
-def _by_last_index(surfaces: Surfaces, before: Vector, arithmetic: Arithmetic) -> Vector:
-    """Return how the direction beyond the last plane turns with the last medium's index."""
-    *normal, _, ratio = surfaces.planes[-1]
-    nx, ny, nz = normal
-    cosine = before[0] * nx + before[1] * ny + before[2] * nz
-    sine2 = 1.0 - cosine * cosine
-    by_index = -ratio / surfaces.indices[-1]
-    along = -(ratio * sine2 / arithmetic.sqrt(1.0 - ratio * ratio * sine2) + cosine)
-    return (
-        by_index * (before[0] + along * nx),
-        by_index * (before[1] + along * ny),
-        by_index * (before[2] + along * nz),
-    )
 
 
 def _across(u: Vector) -> tuple[Vector, Vector]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.optics.arithmetic import ARRAYS, Arithmetic, Component
+from binopos_ros.optics.departure import Vector
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.interface import TARGET_INDEX, FlatInterface, Interface, Walls, tangents
 
@@ -142,6 +143,26 @@ class Surfaces:
             along = sqrt(square) - ratio * cosine
             ux, uy, uz = ratio * ux + along * nx, ratio * uy + along * ny, ratio * uz + along * nz
         return x, y, z, ux, uy, uz
+
+    def bent_by_last_index(self, before: Vector, arithmetic: Arithmetic) -> Vector:
+        """Return how the direction beyond the last plane turns with the last medium's index.
+
+        Args:
+            before: unit direction before that plane.
+            arithmetic: of arrays or of floats.
+
+        """
+        nx, ny, nz, _, ratio = self.planes[-1]
+        ux, uy, uz = before
+        cosine = ux * nx + uy * ny + uz * nz
+        sine2 = 1.0 - cosine * cosine
+        by_index = -ratio / self.indices[-1]
+        along = -(ratio * sine2 / arithmetic.sqrt(1.0 - ratio * ratio * sine2) + cosine)
+        return (
+            by_index * (ux + along * nx),
+            by_index * (uy + along * ny),
+            by_index * (uz + along * nz),
+        )
 
     def with_target_index(self, index: float) -> Surfaces:
         """Return the same surfaces with another medium beyond the last one."""
