@@ -154,6 +154,11 @@ class Filter(ABC, Generic[MemoryT]):
             return self._say(stamp, 'the stamp lies before the newest measurement')
         return self._say(stamp, '')
 
+    @property
+    def has_velocity(self) -> bool:
+        """Whether it has seen more than one measurement since it began: one tells no velocity."""
+        return len(self._taken) > 1
+
     def spread(self, covariance: Array, medium: Array | None = None) -> Array:
         """Return what the filter makes of a covariance (..., 3, 3) and the medium's part of it.
 

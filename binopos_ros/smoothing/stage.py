@@ -122,11 +122,14 @@ class Smoother:
         return (None if is_late else Pose(stamp, self._whole(state))), ''
 
     def predict(self, stamp: int) -> Pose | None:
-        """The pose foretold for a stamp (nanoseconds), None once `sensor_timeout` has passed."""
+        """The pose foretold for a stamp (nanoseconds).
+
+        None until two positions have told a velocity, and once `sensor_timeout` has passed.
+        """
         return self._foretold(stamp, self._filter.predict(stamp * 1e-9))
 
     def _foretold(self, stamp: int, state: FilterState) -> Pose | None:
-        if self._last_used is None or not state.known:
+        if self._last_used is None or not self._filter.has_velocity:
             return None
         elapsed = (stamp - self._last_used) * 1e-9
         if not 0.0 < elapsed <= self.options.sensor_timeout:
