@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -25,7 +24,7 @@ FloatArray = NDArray[np.float64]
 MEDIA = 3
 
 
-class DomePort:
+class DomePort(Interface):
     """A dome around one camera, which stands inside it.
 
     Where the dome's centre is the camera's, rays cross it unbent. It has no axis of its own: how
@@ -52,6 +51,7 @@ class DomePort:
         self.centre = _centre(centre)
         self.radius = positive(radius, "a dome's inner radius")
         self.thickness = positive(thickness, "a dome's thickness")
+        self.thicknesses = (self.thickness,)
         self.indices = tuple(clear_index(n, i) for i, n in enumerate(np.ravel(indices)))
         if len(self.indices) != MEDIA:
             msg = (
@@ -75,16 +75,6 @@ class DomePort:
         )
 
     @property
-    def thicknesses(self) -> tuple[float, ...]:
-        """Of its one layer, the wall, m."""
-        return (self.thickness,)
-
-    @property
-    def target_index(self) -> float:
-        """The refractive index of the target's medium."""
-        return self.indices[-1]
-
-    @property
     def axis(self) -> FloatArray:
         """The camera's optical axis."""
         return np.array([0.0, 0.0, 1.0])
@@ -104,16 +94,6 @@ class DomePort:
             'thicknesses': self.thicknesses,
             'indices': self.indices,
         }
-
-    def with_target_index(self, index: float) -> DomePort:
-        """Return the dome in another medium.
-
-        Raises:
-            OpticsError: it is no refractive index of a clear medium.
-        """
-        other = copy.copy(self)
-        other.indices = (*self.indices[:-1], clear_index(index, MEDIA - 1))
-        return other
 
     def changed(self, change: Mapping[str, float]) -> DomePort:
         """Return the dome after changes of parameters by name.

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import copy
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ FloatArray = NDArray[np.float64]
 
 
 TARGET_INDEX = 'target_index'
+Shape = TypeVar('Shape', bound='Interface')
 
 
 class Walls(NamedTuple):
@@ -40,47 +42,66 @@ class Walls(NamedTuple):
     by_name: dict[str, tuple[FloatArray, FloatArray]]
 
 
-class Interface(Protocol):
-    """Media one behind the other, whatever the shape of what parts them."""
+class Interface(ABC):
+    """Media one behind the other, whatever the shape of what parts them.
 
-    @property
-    def indices(self) -> tuple[float, ...]:
-        """Refractive indices of the media, the camera's first, the target's last."""
+    Attributes:
+        indices: refractive indices of the media, the camera's first, the target's last.
+        thicknesses: of the layers in between, m.
 
-    @property
-    def thicknesses(self) -> tuple[float, ...]:
-        """Of the layers in between, m."""
+    """
+
+    indices: tuple[float, ...]
+    thicknesses: tuple[float, ...]
 
     @property
     def target_index(self) -> float:
         """The refractive index of the target's medium."""
+        return self.indices[-1]
+
+    def with_target_index(self: Shape, index: float) -> Shape:
+        """Return the interface with another medium beyond it.
+
+        Raises:
+            OpticsError: it is no refractive index of a clear medium.
+        """
+        other = copy.copy(self)
+        other.indices = (*self.indices[:-1], clear_index(index, len(self.indices) - 1))
+        return other
 
     @property
+    @abstractmethod
     def axis(self) -> FloatArray:
         """Unit vector (3,) from the camera into the target's medium."""
 
     @property
+    @abstractmethod
     def parameter_names(self) -> tuple[str, ...]:
         """The names of its own parameters: all but the target's index."""
 
     @property
+    @abstractmethod
     def written(self) -> dict[str, str | float | Sequence[float]]:
         """Its values under the names that they have in parameter files."""
 
-    def with_target_index(self, index: float) -> Interface:
-        """Return the interface with another medium beyond it."""
-
+    @abstractmethod
     def changed(self, change: Mapping[str, float]) -> Interface:
-        """Return the interface after changes of parameters by name, the target's index too."""
+        """Return the interface after changes of parameters by name, the target's index too.
 
+        Raises:
+            OpticsError: such an interface cannot exist.
+        """
+
+    @abstractmethod
     def change_since(self, other: Interface) -> dict[str, float]:
         """Return the change of its own parameters that leads here from one of its shape."""
 
+    @abstractmethod
     def walls(self, rotation: FloatArray, translation: FloatArray) -> Walls:
         """Return its surfaces where x = rotation @ x_own + translation."""
 
 
-class FlatInterface:
+class FlatInterface(Interface):
     """One or more parallel planes between the camera's medium and the target's.
 
     Args:
@@ -122,21 +143,6 @@ class FlatInterface:
             f'FlatInterface(normal=({normal}), distance={self.distance:g} m, '
             f'indices={self.indices}, thicknesses={self.thicknesses} m)'
         )
-
-    @property
-    def target_index(self) -> float:
-        """The refractive index of the target's medium."""
-        return self.indices[-1]
-
-    def with_target_index(self, index: float) -> FlatInterface:
-        """Return the interface with another medium beyond it.
-
-        Raises:
-            OpticsError: it is no refractive index of a clear medium.
-        """
-        other = copy.copy(self)
-        other.indices = (*self.indices[:-1], clear_index(index, len(self.indices) - 1))
-        return other
 
     @property
     def axis(self) -> FloatArray:
