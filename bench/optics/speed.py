@@ -32,6 +32,7 @@ TERMS = np.array([-0.1, 0.02, 1e-3, -5e-4, 0.0])
 SIZE = (1280, 960)
 SHIFT = np.array([-0.23, 0.0, 0.0])
 COVARIANCE = 0.01 * np.eye(2)  # px^2
+ROUNDS = 20
 
 
 def seconds(work: Callable[[], Any], runs: int) -> float:
@@ -107,7 +108,7 @@ def housings() -> None:
     domes = [DomePort((x, -0.001, 0.004), 0.05, 0.005, glass) for x in (0.002, -0.001)]
     wall = FlatInterface((0.05, 0.02, 1.0), 0.5, (INDEX, 1.49, 1.0), (0.02,))
     brown, wide = PinholeCamera(MATRIX, TERMS, SIZE), PinholeCamera(MATRIX, (), SIZE, EQUIDISTANT)
-    points = np.random.default_rng(0).uniform([-0.3, -0.3, 0.7], [0.5, 0.3, 1.5], (40_000, 3))
+    points = np.random.default_rng(0).uniform([-0.3, -0.3, 0.7], [0.5, 0.3, 1.5], (4000, 3))
     kinds: tuple[tuple[str, Sequence[Interface], FlatInterface | None, PinholeCamera], ...] = (
         ('flat', flat, None, brown),
         ('domes', domes, None, brown),
@@ -115,20 +116,22 @@ def housings() -> None:
         ('flat before a wall', flat, wall, brown),
         ('domes before a wall', domes, wall, brown),
     )
+    best = {name: [float('inf')] * 3 for name, *_ in kinds}
+    # By turns, so that whatever else the machine does falls on all alike.
+    for _ in range(ROUNDS):
+        for name, pair, surface, lens in kinds:
+            rig = StereoRig(lens, lens, np.eye(3), SHIFT, surface, *pair)
+            some = points[: 200 if surface else None]
+            left, right = (pixels[0] for pixels in rig.project(points[:1]))
+            took = (
+                seconds(partial(rig.project, some), 3) / len(some),
+                seconds(partial(rig.differentiate, some), 3) / len(some),
+                seconds(partial(triangulate, rig, left, right, COVARIANCE, COVARIANCE), 40),
+            )
+            best[name] = [min(pair) for pair in zip(best[name], took, strict=True)]
     print(f'\n{"a port each":<24}{"project":>10}{"derivatives":>13}{"live pair":>11}   (us)')
-    for name, pair, surface, lens in kinds:
-        rig = StereoRig(lens, lens, np.eye(3), SHIFT, surface, *pair)
-        some = points[: 2000 if surface else None]
-        project = seconds(partial(rig.project, some), 7) / len(some)
-        slopes = seconds(partial(rig.differentiate, some), 7) / len(some)
-        seen = np.stack(rig.project(points[:40]), axis=1)
-
-        def live(rig: StereoRig = rig, seen: np.ndarray = seen) -> None:
-            for left, right in seen:
-                triangulate(rig, left, right, COVARIANCE, COVARIANCE)
-
-        pair_takes = seconds(live, 40) / len(seen)
-        print(f'{name:<24}{1e6 * project:>10.2f}{1e6 * slopes:>13.2f}{1e6 * pair_takes:>11.0f}')
+    for name, (project, slopes, live) in best.items():
+        print(f'{name:<24}{1e6 * project:>10.2f}{1e6 * slopes:>13.2f}{1e6 * live:>11.0f}')
 
 
 def main() -> None:
