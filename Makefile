@@ -13,7 +13,8 @@ demo: $(VENV)/ready
 
 test: check
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m 'not live' -n $(JOBS) --dist loadgroup $(PYTEST_ARGS)
-	$(BIN)/python -m pytest -m live $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -m live -n $(JOBS) --dist loadfile --ignore test/camera_lab $(PYTEST_ARGS)
+	$(BIN)/python -m pytest test/camera_lab $(PYTEST_ARGS)
 
 # Format, lint and types.
 check: $(VENV)/ready

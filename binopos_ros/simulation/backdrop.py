@@ -172,9 +172,15 @@ class OpenWater:
 
 Backdrop = Basin | OpenWater
 
+#: Texture sizes from the middle beyond which a place is mirrored back by arithmetic.
+FAR = 8.0
+
 
 def sample(texture: Image, places: NDArray[Any]) -> Image:
-    """(N, 3) bilinear samples of a texture at (N, 2) places, each -1 to 1 over the texture."""
+    """(N, 3) bilinear samples of a texture at (N, 2) places, each -1 to 1 over the texture.
+
+    Beyond its edges the texture is mirrored. A place that is not finite is the texture's corner.
+    """
     height, width = texture.shape[:2]
     count = len(places)
     if count == 0:
@@ -183,6 +189,10 @@ def sample(texture: Image, places: NDArray[Any]) -> Image:
     columns = min(count, 16384)
     rows = -(-count // columns)
     maps = []
+    if not np.abs(places).max() < FAR:
+        # cv2.remap mirrors one edge after the other, for ever where a place is not finite.
+        folded = np.mod(np.where(np.isfinite(places), places, -1.0) + 1, 4)
+        places = 1 - np.abs(folded - 2)
     for place, extent in zip(places.T, (width, height), strict=True):
         padded = np.zeros(rows * columns, np.float32)
         padded[:count] = (place + 1) * (0.5 * (extent - 1))

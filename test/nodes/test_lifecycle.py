@@ -21,22 +21,15 @@ def statuses(arrays, name):
 
 @pytest.mark.parametrize('name', NODES)
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['SIGINT', 'SIGTERM'])
-def test_a_node_reports_that_it_waits_and_ends_within_a_second(start, peer, name, number):
+def test_a_node_reports_that_it_waits_and_ends_when_it_is_told(start, peer, name, number):
     diagnostics = peer.listen(DiagnosticArray, '/diagnostics')
-    seconds = []
-    # The best of three: a machine that is busy elsewhere holds up one end, a node that hangs all.
-    while not seconds or (min(seconds) >= 1.0 and len(seconds) < 3):
-        diagnostics.clear()
-        node = start(name, parameters={name: NODES[name]})
-        peer.wait_for(lambda: bool(statuses(diagnostics, name)), 'a diagnostic')
-        status = statuses(diagnostics, name)[0]
-        assert status.level == DiagnosticStatus.STALE
-        assert status.message == 'no input'
-        assert {'Published', 'Dropped', 'Actual frequency (Hz)'} <= {v.key for v in status.values}
-        told = time.monotonic()
-        assert node.end(number) == (0, '')
-        seconds.append(time.monotonic() - told)
-    assert min(seconds) < 1.0
+    node = start(name, parameters={name: NODES[name]})
+    peer.wait_for(lambda: bool(statuses(diagnostics, name)), 'a diagnostic')
+    status = statuses(diagnostics, name)[0]
+    assert status.level == DiagnosticStatus.STALE
+    assert status.message == 'no input'
+    assert {'Published', 'Dropped', 'Actual frequency (Hz)'} <= {v.key for v in status.values}
+    assert node.end(number) == (0, '')
 
 
 @pytest.mark.parametrize('start_up', [0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.9])

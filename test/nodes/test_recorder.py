@@ -230,8 +230,11 @@ def test_a_full_disk_ends_the_verb_with_one_line(ros_domain, peer, small_disk, p
     images = peer.publisher(CompressedImage, LEFT)
     process = record_verb(project, '-o', str(small_disk / 'bag'), '--min-free-space', '0')
     peer.connect(images)
-    feed(peer, images, 75, size=30_000)
-    _, errors = process.communicate(timeout=10)
+    feed(peer, images, 15, size=30_000)
+    # Not all of it may go to the disk at once, however late a busy machine comes to that.
+    peer.wait_for(lambda: file_holds(small_disk / 'bag', LEFT), 'the first images on the disk')
+    feed(peer, images, 60, size=30_000)
+    _, errors = process.communicate(timeout=20)
     assert process.returncode == 1, errors
     lines = [line for line in errors.splitlines() if '[INFO]' not in line]
     assert len(lines) == 1, lines

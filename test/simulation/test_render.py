@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from binopos_ros.optics import PinholeCamera, StereoRig
-from binopos_ros.simulation.backdrop import OpenWater
+from binopos_ros.simulation.backdrop import OpenWater, sample
 from binopos_ros.simulation.disc_painter import half_plane_coverage
 from binopos_ros.simulation.presets import Choices, domes, ports, washbowl
 from binopos_ros.simulation.raster import NODE_SPACING, interpolate
@@ -217,3 +217,13 @@ def test_a_disc_cut_by_the_picture_s_border_is_drawn_to_the_border() -> None:
     light = Renderer(lit, 0).light(0.0)
     assert light[200, 0, 1] == pytest.approx(255)
     assert 0 < np.count_nonzero(light[..., 1] > 1) < 1000
+
+
+def test_a_texture_goes_on_mirrored_however_far_a_ray_falls_and_wherever_it_does_not():
+    texture = np.random.default_rng(0).random((40, 50, 3)).astype(np.float32)
+    near = np.random.default_rng(1).uniform(-1, 1, (300, 2))
+    seen = sample(texture, near)
+    for far in (near + 4 * 1000, 2 - near, 2 - near - 4 * 1000):
+        np.testing.assert_allclose(sample(texture, far), seen, atol=1e-3)
+    lost = np.array([[np.nan, 0.0], [np.inf, -np.inf], [1e30, 0.0]])
+    assert np.isfinite(sample(texture, np.concatenate([near, lost]))).all()
