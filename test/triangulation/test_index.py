@@ -15,6 +15,7 @@ from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.evidence import gather_evidence
 from binopos_ros.triangulation.index import IndexEstimator
 from binopos_ros.triangulation.paper import frame_index
+from every_rig import RIGS
 from index_settings import (
     COVARIANCE,
     PIXEL_STD,
@@ -169,3 +170,21 @@ def test_bad_calls_are_refused_in_one_line():
         IndexEstimator(1.33, 0.01, parameter_covariance=np.eye(2)).update(
             rig, (600, 480), (5, 480)
         )
+
+
+def test_behind_domes_the_index_is_followed_as_surely_as_it_says():
+    random = np.random.default_rng(7)
+    rig = RIGS['wide lenses behind domes']
+    points = random.uniform([-0.2, -0.2, 1.15], [0.4, 0.2, 1.6], (20, 3))
+    squares = []
+    for _ in range(60):
+        index = random.normal(1.333, 0.01)
+        left, right = rig.with_target_index(index).project(points)
+        estimator = IndexEstimator(1.333, 0.01)
+        for k, pair in enumerate(zip(left, right, strict=True)):
+            noisy = (pixel + random.normal(0.0, PIXEL_STD, 2) for pixel in pair)
+            state = estimator.update(rig, *noisy, COVARIANCE, COVARIANCE, stamp=k / 30)
+        assert state.observed
+        squares.append(((state.mean - index) / state.std) ** 2)
+    # One set of 60 in a thousand lies outside (chi-squared).
+    assert 0.52 < np.mean(squares) < 1.66

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+import layer_stacks
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.triangulation import TriangulationError, triangulate
 from every_rig import RIGS
@@ -49,6 +50,16 @@ def test_without_noise_the_point_comes_back(rig: StereoRig, scatter: Scatter, me
     np.testing.assert_allclose(found.points, points, atol=1e-11)
     np.testing.assert_allclose(found.residuals, 0.0, atol=1e-8)
     assert set(found.reasons) == {''}
+
+
+def test_through_domes_and_a_wall_behind_them_the_point_comes_back() -> None:
+    rig = layer_stacks.RIGS['domes before a wall']
+    points = np.random.default_rng(3).uniform([-0.4, -0.3, 1.15], [0.5, 0.3, 1.8], (100, 3))
+    found = triangulate(rig, *rig.project(points))
+    np.testing.assert_allclose(found.points, points, atol=1e-11)
+    one = triangulate(rig, *(pixels[0] for pixels in rig.project(points)))
+    np.testing.assert_allclose(one.points, points[0], atol=1e-11)
+    np.testing.assert_allclose(one.covariances, found.covariances[0], rtol=1e-7)
 
 
 def test_error_reaches_the_cramer_rao_bound_and_the_covariance_is_consistent(
