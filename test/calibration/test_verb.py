@@ -96,31 +96,6 @@ def test_from_pictures_to_positions(
     assert error < 3.0
 
 
-def test_enough_pictures_give_positions_within_one_and_a_half_of_the_true_calibration(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """At full size, with the index and the distance known beforehand, as docs/calibration.md."""
-    for line in (
-        'simulate -o {at}/dry --board 9x6 --square 0.05 --air --pairs 100 --rate 2 --seed 5',
-        'simulate -o {at}/wet --board 9x6 --square 0.03 --pairs 40 --rate 2 --seed 55',
-        'simulate -o {at}/bowl --pairs 30 --seed 5',
-        'calibrate stereo {at}/dry --square 0.05 --most-views 100 -o {at}/cal',
-        'calibrate interface {at}/wet --square 0.03 --calibration {at}/cal '
-        '--prior target_index=1.333,0.0005 --prior distance=0.8005,0.001',
-    ):
-        assert main(words(line, at=tmp_path)) == 0
-    replace_camera_info(tmp_path / 'bowl', tmp_path / 'cal' / 'interface', tmp_path / 'bowl2')
-    capsys.readouterr()
-    assert main(words('process {at}/bowl -o {at}/true.mcap', at=tmp_path)) == 0
-    with_truth = position_rms(capsys.readouterr().out)
-    line = (
-        'process {at}/bowl2 -o {at}/own.mcap --config {at}/bowl/binopos.yaml --ros-args '
-        '--params-file {at}/cal/interface/interface.yaml'
-    )
-    assert main(words(line, at=tmp_path)) == 0
-    assert position_rms(capsys.readouterr().out) < 1.5 * with_truth
-
-
 def test_rendered_rig_is_recovered(world: Path, calibrated: Path) -> None:
     found, truth = (
         stereo_from_camera_infos(
