@@ -15,22 +15,30 @@ import numpy as np
 from binopos_ros.calibration.cameras.rigidity import FEWEST_PAIRS
 from binopos_ros.calibration.cameras.stereo import calibrate_stereo
 from binopos_ros.calibration.check.daily import check
+from binopos_ros.calibration.check.doubled import counted_twice
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface.calibrate import calibrate_interface
 from binopos_ros.calibration.interface.guesses import Guess
 from binopos_ros.calibration.interface.priors import Media, guesses_from, parse_numbers
 from binopos_ros.calibration.live.guidance import Sizes, Solution, Solve
 from binopos_ros.calibration.live.session import LiveSession
-from binopos_ros.calibration.report.files import read_stereo, write_interface, write_stereo
+from binopos_ros.calibration.report.files import (
+    read_intrinsics,
+    read_stereo,
+    write_interface,
+    write_stereo,
+)
 from binopos_ros.calibration.report.page import interface_report, stereo_report
 from binopos_ros.calibration.report.summary import summarise_interface, summarise_stereo
 from binopos_ros.calibration.views.balls import CENTRE_PER_COORDINATE, ball_view
 from binopos_ros.calibration.views.board import Board, parse_size
-from binopos_ros.calibration.views.gather import find_boards, name_other_board
+from binopos_ros.calibration.views.gather import find_boards
+from binopos_ros.calibration.views.other_board import refuse_other_board
 from binopos_ros.calibration.views.pairs import BoardPair, Dropped
 from binopos_ros.calibration.views.sources import Pictures, folder_pair
 from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.calibrate_arguments import add_arguments
+from binopos_ros.cli.calibrate_report import report
 from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
 from binopos_ros.cli.config import parameters_of
 from binopos_ros.cli.fixed_target import fixed_target_text
@@ -54,18 +62,21 @@ NOT_HOLDING = 1
 
 def main(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
-    return {'stereo': _stereo, 'interface': _interface, 'check': _check}[arguments.what](arguments)
+    kinds = {'stereo': _stereo, 'interface': _interface, 'check': _check, 'report': report}
+    return kinds[arguments.what](arguments)
 
 
 def _stereo(arguments: argparse.Namespace) -> int:
     board = _board_of(arguments)
+    given = read_intrinsics(arguments.intrinsics) if arguments.intrinsics else None
+    calibrated = partial(calibrate_stereo, board=board, lens=arguments.lens, given=given)
 
     def solve(pairs: Sequence[BoardPair], sizes: Sizes) -> Solution:
-        fit = calibrate_stereo(pairs, board, sizes).adjustment
+        fit = calibrated(pairs, sizes=sizes).adjustment
         return Solution(fit.state, fit.covariance, fit.free, fit.effective_sigma, fit.poses)
 
     pairs, sizes, unmatched = _views_of(arguments, board, solve)
-    calibration = calibrate_stereo(pairs, board, sizes, arguments.most_views)
+    calibration = calibrated(pairs, sizes=sizes, most_views=arguments.most_views)
     paths = write_stereo(
         arguments.output,
         calibration.state,
@@ -167,13 +178,18 @@ def _check(arguments: argparse.Namespace) -> int:
     interfaces = {place: interface for place, interface in places if interface is not None}
     rig = replace(state, interfaces=interfaces).rig()
     targets = target_pairs(arguments.bag, choice=choice_of(arguments))
-    found = triangulate(
-        rig,
+    seen = (
         np.array([pair.left.centre for pair in targets]),
         np.array([pair.right.centre for pair in targets]),
         np.array([pair.left.covariance for pair in targets]),
         np.array([pair.right.covariance for pair in targets]),
     )
+    found = triangulate(rig, *seen)
+    straight = triangulate(state.rig(), *seen)
+    twice = counted_twice(rig, found.points, found.residuals, straight.points, straight.residuals)
+    if twice:
+        print(twice)
+        return NOT_HOLDING
     result = check(rig, found.points, found.residuals, covariance)
     print(result.text)
     platform = make_platform(parameters.of_node('smoother'))
@@ -256,14 +272,7 @@ def _taken_live(
 def _search(pictures: Pictures, board: Board, window: int | None) -> tuple[list[BoardPair], Sizes]:
     with progress('searching for the board', len(pictures.pairs)) as tick:
         pairs, sizes = find_boards(pictures.pairs, board, window, tick)
-    blank = [i for i, pair in enumerate(pairs) if not pair.complete]
-    if len(pairs) - len(blank) < FEWEST_PAIRS and blank:
-        other = name_other_board(pictures.pairs[blank[0]].left(), board)
-        if other is not None:
-            raise CalibrationError(
-                f'{pairs[blank[0]].name}: no {board}, but one of {other.columns}x{other.rows} is '
-                'there: give the board its right size (a chessboard counts its inner corners)'
-            )
+    refuse_other_board(pictures.pairs, pairs, board, FEWEST_PAIRS)
     return pairs, sizes
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from binopos_ros.calibration.cameras.lens import AUTO, LENSES
 from binopos_ros.calibration.cameras.stereo import MOST_VIEWS
 from binopos_ros.calibration.views.board import CHESSBOARD, KINDS
+from binopos_ros.cli.calibrate_report import add_report_arguments
 from binopos_ros.cli.config import add_config_argument
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments
 from binopos_ros.sides import SIDES
@@ -24,6 +26,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_output(stereo, Path('calibration'), 'calibration')
     stereo.add_argument(
         '--most-views', type=int, default=MOST_VIEWS, metavar='N', help='use at most N views'
+    )
+    stereo.add_argument(
+        '--lens',
+        choices=LENSES,
+        default=AUTO,
+        help='lens model: brown (five terms), rational (eight, for wide lenses), or the one that '
+        'predicts held-out views best (default: auto)',
+    )
+    stereo.add_argument(
+        '--intrinsics',
+        type=Path,
+        metavar='DIR',
+        help='folder of left.yaml and right.yaml: keep these cameras, or refine them within '
+        'their covariance where that lies beside them, and find only their mutual pose',
     )
     stereo.add_argument(
         '--names',
@@ -108,6 +124,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_topic_arguments(daily)
     add_remap_argument(daily)
     add_config_argument(daily)
+
+    add_report_arguments(
+        kinds.add_parser('report', help='how accurate the rig is, over its working volume')
+    )
 
 
 def _add_source(parser: argparse.ArgumentParser) -> None:

@@ -18,6 +18,9 @@ from binopos_ros.optics.errors import OpticsError
 
 FloatArray = NDArray[np.float64]
 
+#: No medium is thinner than a vacuum, but an estimate of air's index scatters about 1.
+LEAST_INDEX, GREATEST_INDEX = 0.9, 4.0
+
 
 TARGET_INDEX = 'target_index'
 Shape = TypeVar('Shape', bound='Interface')
@@ -256,7 +259,7 @@ def positive(value: float, what: str) -> float:
 
 def clear_index(value: float, place: int) -> float:
     """Return the refractive index of a clear medium, or say that there is none such."""
-    if not (math.isfinite(value) and 1.0 <= value <= 4.0):
+    if not (math.isfinite(value) and LEAST_INDEX <= value <= GREATEST_INDEX):
         msg = f'indices[{place}] = {value:g} is no refractive index of a clear medium (1 to 4)'
         raise OpticsError(msg)
     return float(value)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from binopos_ros.calibration.check import daily
 from binopos_ros.calibration.check.daily import DailyCheck
+from binopos_ros.calibration.check.doubled import counted_twice
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.targets import Blob, TargetPair
-from binopos_ros.optics import StereoRig
+from binopos_ros.optics import PinholeCamera, StereoRig
 from binopos_ros.optics.rig_state import exponential
 from binopos_ros.triangulation import triangulate
 
@@ -89,6 +91,39 @@ def test_waves_widen_the_scatter_but_raise_no_alarm(rig: StereoRig) -> None:
     result = verdict(rig, 0.0, 0.0, 0.0, wave=1.0)
     assert result.holds
     assert result.scatter > 0.4
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_cameras_calibrated_in_water_and_ports_on_top_are_found(
+    rig_maker: Any, board_viewer: Any, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    truth, depths = rig_maker('ports', rng)
+    views = board_viewer(truth, depths, rng, 8, 0.05, (15.0, 45.0), (0.6, 0.5))
+    boards = [view.points.astype(np.float32) for view in views]
+    sides = [[view.pixels[side].astype(np.float32) for view in views] for side in (0, 1)]
+    size = tuple(truth.left.size)
+    one = [cv2.calibrateCamera(boards, side, size, np.eye(3), np.zeros(5)) for side in sides]
+    guess = cv2.CALIB_USE_INTRINSIC_GUESS
+    wet = cv2.stereoCalibrate(boards, *sides, *one[0][1:3], *one[1][1:3], size, flags=guess)
+    assert wet[1][0, 0] > 1.3 * truth.left.matrix[0, 0]
+    cameras = [PinholeCamera(wet[i], wet[i + 1].ravel(), size) for i in (1, 3)]
+    pose = wet[5], wet[6].ravel()
+    ports = {'left_port': truth.left_port, 'right_port': truth.right_port}
+
+    depth = rng.uniform(*depths, 200)
+    aside = rng.uniform([-0.3, -0.25], [0.3, 0.25], (200, 2)) * depth[:, None]
+    points = np.column_stack([0.06 + aside[:, 0], aside[:, 1], depth])
+    seen = [p + rng.normal(scale=0.1, size=p.shape) for p in truth.project(points)]
+
+    def verdict_on(rig: StereoRig, air: StereoRig) -> str:
+        bent, straight = triangulate(rig, *seen), triangulate(air, *seen)
+        return counted_twice(rig, bent.points, bent.residuals, straight.points, straight.residuals)
+
+    words = verdict_on(StereoRig(*cameras, *pose, **ports), StereoRig(*cameras, *pose))
+    assert 'counted twice' in words
+    bare = StereoRig(truth.left, truth.right, truth.rotation, truth.translation)
+    assert verdict_on(truth, bare) == ''
 
 
 def test_few_pairs_are_refused(rig: StereoRig) -> None:

@@ -11,7 +11,7 @@ import pytest
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.board import Board, parse_size
 from binopos_ros.calibration.views.corners import find_board, refinement_window
-from binopos_ros.calibration.views.gather import name_other_board
+from binopos_ros.calibration.views.other_board import largest_board
 from binopos_ros.calibration.views.pairs import BoardPair
 
 OVERSAMPLING = 4
@@ -159,11 +159,13 @@ def test_a_picture_without_a_board_gives_none() -> None:
         assert find_board(noise, Board('charuco', 9, 6, 0.02, 0.01)) is None
 
 
-def test_another_board_is_named(samples: Path) -> None:
-    picture = cv2.imread(str(samples / 'left01.jpg'), 0)
-    other = name_other_board(picture, Board('chessboard', 9, 7, 0.025))
+@pytest.mark.parametrize('size', [(9, 7), (8, 6), (7, 5)])
+def test_the_board_that_is_there_is_named(samples: Path, size: tuple[int, int]) -> None:
+    pictures = [cv2.imread(str(samples / f'left{i:02d}.jpg'), 0) for i in (1, 2, 3)]
+    other, holding = largest_board(pictures, Board('chessboard', *size, 0.025))
     assert other is not None
     assert (other.columns, other.rows) == (9, 6)
+    assert holding == 3
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,20 @@ from binopos_ros.calibration.adjustment.positions import calibration_covariances
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface.calibrate import calibrate_interface
 from binopos_ros.calibration.interface.guesses import InterfaceGuess
-from binopos_ros.calibration.report.verdicts import DETERMINED, PRIOR, WEAK, advice, verdicts
+from binopos_ros.calibration.report.verdicts import (
+    DETERMINED,
+    IRRELEVANT,
+    PRIOR,
+    WEAK,
+    advice,
+    verdicts,
+)
 from binopos_ros.calibration.views.balls import ball_view
 from binopos_ros.calibration.views.pose import Pose
 from binopos_ros.calibration.views.targets import Blob
+from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.optics.covariance_file import ParameterCovariance
-from binopos_ros.optics.rig_state import RigState
+from binopos_ros.optics.rig_state import RigState, exponential
 from binopos_ros.triangulation import triangulate
 
 KINDS = ('surface', 'wall', 'ports')
@@ -213,7 +221,7 @@ def test_ports_and_a_wall_behind_them_are_calibrated_together(
     by_name = {verdict.name: verdict for verdict in verdicts(result)}
     assert by_name['target_index'].grade == DETERMINED
     assert by_name['interface.distance'].grade == DETERMINED
-    assert by_name['left_port.distance'].grade == PRIOR
+    assert by_name['left_port.distance'].grade == IRRELEVANT
     assert 'only shifts the rays' in by_name['left_port.distance'].text
     assert 'port' not in advice(result)
 
@@ -294,6 +302,122 @@ def test_pictures_of_something_else_are_refused(
     for line, seen in wrong.items():
         with pytest.raises(CalibrationError, match=line):
             calibrate_interface(air, seen, guesser(rig))
+
+
+def dry_rig(media: FlatInterface) -> StereoRig:
+    """A rig before a plate, a dry window, or a tank that is seen through."""
+    matrix = [[900.0, 0.0, 639.5], [0.0, 900.0, 479.5], [0.0, 0.0, 1.0]]
+    camera = PinholeCamera(matrix, [-0.1, 0.05, 0.001, -0.001, 0.01], (1280, 960))
+    rotation = exponential(np.array([0.0, 0.1, 0.0]))
+    return StereoRig(camera, camera, rotation, -rotation @ [0.23, 0.0, 0.0], media)
+
+
+@pytest.mark.parametrize('measured', [False, True])
+@pytest.mark.parametrize(
+    ('indices', 'thicknesses'),
+    [
+        ((1.0, 1.49, 1.0), (0.012,)),
+        ((1.0, 1.49, 1.333, 1.49, 1.0), (0.01, 0.3, 0.01)),
+        ((1.333, 1.49, 1.0), (0.01,)),
+    ],
+)
+def test_what_ends_in_air_is_calibrated(
+    board_viewer: Any,
+    indices: tuple[float, ...],
+    thicknesses: tuple[float, ...],
+    measured: bool,
+) -> None:
+    rng = np.random.default_rng(3)
+    media = FlatInterface([0.05, -0.04, 1.0], 0.3, indices, thicknesses)
+    rig, reach = dry_rig(media), 0.3 + sum(thicknesses)
+    views = board_viewer(rig, (reach + 0.2, reach + 0.6), rng, 8, 0.1, TILTS, EVERYWHERE)
+    ruler: dict[str, Any] = {'distance': 0.3, 'deviations': {'distance': 0.001}}
+    guess = InterfaceGuess('interface', indices, thicknesses, **(ruler if measured else {}))
+    air = replace(RigState.of(rig), interfaces={})
+    result = calibrate_interface(air, views, [guess])
+    assert result.dropped == ()
+    assert result.adjustment is not None
+    assert result.adjustment.sigma == pytest.approx(0.1, rel=0.05)
+    found = result.state.interfaces['interface']
+    assert found.indices[-1] == 1.0
+    by_name = {verdict.name: verdict for verdict in verdicts(result)}
+    assert 'target_index' not in by_name
+    angle = np.arccos(min(1.0, float(found.normal @ media.normal)))
+    assert angle < 4.0 * result.deviation('interface.normal.0')
+    if len(indices) == 3 and indices[0] == 1.0:
+        assert 'only shifts the rays' in by_name['interface.normal.0'].text
+    else:
+        assert angle < np.radians(0.1)
+    distance = by_name['interface.distance']
+    if indices[0] == 1.0:
+        assert distance.grade == IRRELEVANT
+        assert 'does not matter' in distance.text
+    else:
+        assert distance.value == pytest.approx(0.3, abs=0.004)
+    seen = rig.project(np.array([[0.1, 0.05, reach + 0.3]]))
+    where = triangulate(result.state.rig(), *seen).points[0]
+    np.testing.assert_allclose(where, [0.1, 0.05, reach + 0.3], atol=1e-3)
+
+
+def test_an_index_known_to_be_about_one_may_fall_below_it(board_viewer: Any) -> None:
+    rng = np.random.default_rng(3)
+    rig = dry_rig(FlatInterface([0.05, -0.04, 1.0], 0.3, (1.333, 1.49, 1.0), (0.01,)))
+    views = board_viewer(rig, (0.5, 0.9), rng, 8, 0.1, TILTS, EVERYWHERE)
+    guess = InterfaceGuess(
+        'interface', (1.333, 1.49, 1.0), (0.01,), deviations={'target_index': 0.001}
+    )
+    result = calibrate_interface(replace(RigState.of(rig), interfaces={}), views, [guess])
+    index = verdicts(result)[0]
+    assert abs(index.value - 1.0) < 4.0 * index.deviation
+    assert index.deviation < 0.001
+
+
+@pytest.mark.parametrize(
+    ('change', 'scale', 'line'),
+    [
+        ({'distance': 800.0, 'deviations': {'distance': 5.0}}, 1.0, 'with distance 0.8 m'),
+        ({'thicknesses': (12.0,)}, 1.0, 'with thickness 0.012 m'),
+        ({'deviations': {'target_index': 0.0005}}, 1.2, 'a board about 0.83 times as large'),
+    ],
+)
+def test_what_would_explain_the_pictures_is_named(
+    board_viewer: Any, change: dict[str, Any], scale: float, line: str
+) -> None:
+    rng = np.random.default_rng(3)
+    rig = dry_rig(FlatInterface([0.05, -0.04, 1.0], 0.8, (1.0, 1.49, 1.333), (0.012,)))
+    views = board_viewer(rig, (1.0, 1.3), rng, 6, 0.1, TILTS, EVERYWHERE)
+    views = [replace(view, points=scale * view.points) for view in views]
+    guess = replace(InterfaceGuess('interface', (1.0, 1.49, 1.333), (0.012,)), **change)
+    with pytest.raises(CalibrationError, match=line):
+        calibrate_interface(replace(RigState.of(rig), interfaces={}), views, [guess])
+
+
+@pytest.mark.parametrize('deviations', [{}, {'target_index': 0.0005}])
+def test_pictures_taken_in_air_are_told(board_viewer: Any, deviations: dict[str, float]) -> None:
+    rng = np.random.default_rng(3)
+    wet = dry_rig(FlatInterface([0.0, 0.0, 1.0], 0.5, (1.0, 1.333)))
+    dry = StereoRig(wet.left, wet.right, wet.rotation, wet.translation)
+    views = board_viewer(dry, (0.7, 1.0), rng, 6, 0.1, TILTS, EVERYWHERE)
+    guess = InterfaceGuess('interface', (1.0, 1.333), deviations=deviations)
+    with pytest.raises(CalibrationError, match=r'taken in air|that of air and of no liquid'):
+        calibrate_interface(replace(RigState.of(wet), interfaces={}), views, [guess])
+
+
+def test_views_that_repeat_each_other_count_once(
+    rig_maker: Any, board_viewer: Any, guesser: Any
+) -> None:
+    rng = np.random.default_rng(5)
+    rig, depths = rig_maker('surface', rng)
+    air = replace(RigState.of(rig), interfaces={})
+    views = board_viewer(rig, depths, rng, tilts=TILTS)
+    again = [
+        replace(view, pixels=tuple(p + rng.normal(scale=0.1, size=p.shape) for p in view.pixels))
+        for view in views
+    ]
+    once = calibrate_interface(air, views, guesser(rig))
+    twice = calibrate_interface(air, [*views, *again], guesser(rig))
+    assert sum('repeats' in one.reason for one in twice.dropped) == len(views)
+    assert twice.deviation('target_index') == pytest.approx(once.deviation('target_index'))
 
 
 def test_same_optimum_as_scipy(rig_maker: Any, board_viewer: Any, guesser: Any) -> None:

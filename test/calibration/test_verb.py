@@ -200,13 +200,15 @@ def test_bad_input_is_one_line(
     assert line in line_of(words(arguments, data=data, tmp=tmp_path), capsys)
 
 
+@pytest.mark.parametrize('board', ['9x7', '8x6', '7x5'])
 def test_another_board_is_named(
-    samples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    board: str, samples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in ('left01.jpg', 'right01.jpg'):
-        (tmp_path / name).write_bytes((samples / name).read_bytes())
-    line = line_of(words('calibrate stereo {at} --square 0.025 --board 9x7', at=tmp_path), capsys)
-    assert 'no 9x7 chessboard' in line
+    for path in sorted(samples.glob('*0[1-3].jpg')):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    line = f'calibrate stereo {{at}} --square 0.025 --board {board}'
+    line = line_of(words(line, at=tmp_path), capsys)
+    assert f'no {board} chessboard' in line
     assert 'one of 9x6 is there' in line
 
 

@@ -65,19 +65,22 @@ def adequacy(fit: Adjustment, views: Sequence[View], side: int) -> Adequacy:
         _normal_score(float(t), len(means[i]) - 1)
         for i, t in zip(rings, mean / deviation, strict=True)
     ]
-    probability = _chi_squared_tail(float(np.sum(np.square(scores))), len(rings))
+    probability = chi_squared_tail(float(np.sum(np.square(scores))), len(rings))
     return Adequacy(probability, mean, deviation)
 
 
 def better_by(first: np.ndarray, second: np.ndarray) -> float:
-    """By how many standard errors the second model's held-out squares are smaller, view by view.
+    """By how many standard errors the second model is better on held-out views.
+
+    The signed ranks of the views' ratios (F. Wilcoxon, Biometrics Bulletin 1, 1945): a view that
+    dominates says no more than that it agrees, and all of seven give 2.4.
 
     Args:
         first, second: (V,) held-out mean squares of the same views (px^2).
     """
-    gain = first - second
-    spread = float(np.std(gain, ddof=1)) / math.sqrt(len(gain))
-    return float(np.mean(gain)) / max(spread, 1e-12)
+    gain = np.log(np.maximum(first, 1e-12) / np.maximum(second, 1e-12))
+    rank = np.argsort(np.argsort(np.abs(gain))) + 1.0
+    return float(np.sum(rank * np.sign(gain)) / np.sqrt(np.sum(rank**2)))
 
 
 def _normal_score(t: float, freedom: int) -> float:
@@ -86,8 +89,8 @@ def _normal_score(t: float, freedom: int) -> float:
     return (8 * freedom + 1) / (8 * freedom + 3) * size
 
 
-def _chi_squared_tail(value: float, freedom: int) -> float:
-    """Wilson and Hilferty's approximation (PNAS 17, 1931)."""
+def chi_squared_tail(value: float, freedom: int) -> float:
+    """The chance of a larger value (Wilson and Hilferty, PNAS 17, 1931)."""
     if freedom < 1:
         return 1.0
     spread = 2.0 / (9.0 * freedom)

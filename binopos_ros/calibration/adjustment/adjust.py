@@ -75,11 +75,14 @@ class Adjustment:
         return float(np.sqrt(self.covariance[place, place]))
 
     def rms(self, view: int | None = None, side: int | None = None) -> float:
-        """Root mean square of the residual's length over all points seen (px), outliers too."""
+        """Root mean square of the residual's length over all points seen (px), outliers too; nan
+        where nothing was seen."""
         views = range(len(self.residuals)) if view is None else [view]
         sides = range(len(self.state.cameras)) if side is None else [side]
         squares = [np.sum(self.residuals[v][s] ** 2, axis=1) for v in views for s in sides]
-        return float(np.sqrt(np.nanmean(np.concatenate(squares))))
+        seen = np.concatenate(squares)
+        seen = seen[np.isfinite(seen)]
+        return float(np.sqrt(seen.mean())) if len(seen) else float('nan')
 
 
 @dataclass

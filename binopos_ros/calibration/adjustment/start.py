@@ -54,14 +54,14 @@ def guess_pose(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> Pose |
     Args:
         points: (N, 3) board frame (m); pixels: (N, 2), nan where not seen.
     """
-    seen = np.isfinite(pixels).all(axis=1)
+    seen, plane = _image_plane(camera, pixels)
     if seen.sum() < FEWEST_POINTS:
         return None
     planar = np.ptp(points[seen][:, 2]) < 1e-12
     method = cv2.SOLVEPNP_IPPE if planar else cv2.SOLVEPNP_ITERATIVE
     origin = points[seen].mean(axis=0)
     found, rotation, translation = cv2.solvePnP(
-        points[seen] - origin, pixels[seen], camera.matrix, camera.lens, flags=method
+        points[seen] - origin, plane, np.eye(3), np.zeros(4), flags=method
     )
     if not found or not np.isfinite(translation).all() or translation[2, 0] <= 0:
         return None
@@ -71,21 +71,27 @@ def guess_pose(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> Pose |
 
 def other_pose(camera: Camera, points: np.ndarray, pixels: np.ndarray) -> Pose | None:
     """The second pose in which a planar board looks nearly the same, or None."""
-    seen = np.isfinite(pixels).all(axis=1)
+    seen, plane = _image_plane(camera, pixels)
     if seen.sum() < FEWEST_POINTS or np.ptp(points[seen][:, 2]) > 0:
         return None
     origin = points[seen].mean(axis=0)
     _, rotations, translations, _ = cv2.solvePnPGeneric(
-        points[seen] - origin,
-        pixels[seen],
-        camera.matrix,
-        camera.lens,
-        flags=cv2.SOLVEPNP_IPPE,
+        points[seen] - origin, plane, np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE
     )
     if len(rotations) < 2 or translations[1][2, 0] <= 0:
         return None
     matrix = np.asarray(cv2.Rodrigues(rotations[1])[0])
     return Pose(matrix, translations[1].ravel() - matrix @ origin)
+
+
+def _image_plane(camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) which pixels have a ray, and the image-plane coordinates of those.
+
+    OpenCV's own inverse of a lens stops after five rounds, far off in the corners of a wide one.
+    """
+    rays = camera.pinhole().unproject(pixels)
+    seen = np.asarray(np.isfinite(rays).all(axis=1))
+    return seen, np.ascontiguousarray(rays[seen, :2] / rays[seen, 2:])
 
 
 def straight_poses(air: RigState, views: Sequence[View]) -> list[Pose]:

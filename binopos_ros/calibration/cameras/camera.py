@@ -9,14 +9,13 @@ import numpy as np
 
 from binopos_ros.calibration.adjustment.adjust import Adjustment, Prior, adjust
 from binopos_ros.calibration.adjustment.start import guess_camera, guess_pose
+from binopos_ros.calibration.cameras.lens import BROWN_TERMS, LensChoice, choose_lens
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.rig_state import RigState
 from binopos_ros.sides import SIDES
 
 FEWEST_VIEWS = 4  # three determine the camera, one more tells whether they agree
-BROWN_TERMS = 5
-RATIONAL_TERMS = 8
 OUTLYING = 2.5  # times the median RMS of the views
 LEAST_OUTLYING = 0.1  # px; views better than this are good whatever the others are
 LEAST_TILT = 8.0  # degrees between the most different boards
@@ -31,11 +30,13 @@ class CameraFit:
         adjustment: with the views' poses in this camera's frame.
         views: those that took part, in order.
         outlying: name -> why, of views that fit much worse than the others.
+        lens: which, and why.
     """
 
     adjustment: Adjustment
     views: tuple[View, ...]
     outlying: dict[str, str]
+    lens: LensChoice
 
 
 def calibrate_camera(
@@ -44,6 +45,7 @@ def calibrate_camera(
     size: tuple[int, int],
     square_pixels: bool = False,
     robust: bool = True,
+    lens: str | None = None,
 ) -> CameraFit:
     """Calibrate one camera by itself.
 
@@ -53,6 +55,8 @@ def calibrate_camera(
         size: image width and height (px).
         square_pixels: force fx = fy.
         robust: let outlying points count less, and leave out the worst.
+        lens: one of `lens.LENSES`; None takes Brown's five terms and a flat board, as the usual
+            programs do.
 
     Raises:
         CalibrationError: too few views, or views that do not determine the camera.
@@ -89,7 +93,11 @@ def calibrate_camera(
         again = [guess_pose(camera, view.points, view.pixels[0]) for view in own]
         poses = [new or old for new, old in zip(again, fit.poses, strict=True)]
         fit = adjust(fit.state, poses, own, free, prior, robust=robust)
-    return CameraFit(fit, tuple(own), _outlying(fit, own))
+    choice = LensChoice(None, 'five terms')
+    # Flat boards determine no lens: they are refused for that, and at once.
+    if lens is not None and _tilt(fit) >= LEAST_TILT:
+        fit, choice = choose_lens(fit, own, lens, prior)
+    return CameraFit(fit, tuple(own), _outlying(fit, own), choice)
 
 
 def check_determined(fit: CameraFit, side: int) -> None:
@@ -101,7 +109,7 @@ def check_determined(fit: CameraFit, side: int) -> None:
     adjustment = fit.adjustment
     focal = float(adjustment.state.cameras[0].focal[0])
     deviation = adjustment.deviation('left.fx') / focal
-    tilt = _largest_angle(np.array([pose.rotation[:, 2] for pose in adjustment.poses]))
+    tilt = _tilt(adjustment)
     if tilt < LEAST_TILT or deviation > MOST_FOCAL_DEVIATION:
         raise CalibrationError(
             f'the board never tilts enough for the {SIDES[side]} camera: its views differ by '
@@ -110,7 +118,9 @@ def check_determined(fit: CameraFit, side: int) -> None:
         )
 
 
-def _largest_angle(normals: np.ndarray) -> float:
+def _tilt(fit: Adjustment) -> float:
+    """The largest angle between two of the boards (degrees)."""
+    normals = np.array([pose.rotation[:, 2] for pose in fit.poses])
     cosine = np.clip(normals @ normals.T, -1.0, 1.0)
     return float(np.degrees(np.arccos(cosine.min())))
 

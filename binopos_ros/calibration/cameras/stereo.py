@@ -7,48 +7,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from binopos_ros.calibration.adjustment.adequacy import Adequacy, adequacy, better_by
+from binopos_ros.calibration.adjustment.adequacy import better_by
 from binopos_ros.calibration.adjustment.adjust import Adjustment, Prior, adjust
+from binopos_ros.calibration.adjustment.held_out import HeldOut, cross_validate
 from binopos_ros.calibration.adjustment.noise import widened
-from binopos_ros.calibration.adjustment.start import guess_pose
-from binopos_ros.calibration.cameras.camera import (
-    BROWN_TERMS,
-    RATIONAL_TERMS,
-    CameraFit,
-    calibrate_camera,
-    check_determined,
-)
+from binopos_ros.calibration.adjustment.start import straight_poses
+from binopos_ros.calibration.adjustment.warp import TERMS, Bent, estimate_warp
+from binopos_ros.calibration.cameras.camera import CameraFit, calibrate_camera, check_determined
+from binopos_ros.calibration.cameras.given import GIVEN, GivenCameras
+from binopos_ros.calibration.cameras.lens import AUTO, BETTER, LensChoice, lens_prior, one_to_one
 from binopos_ros.calibration.cameras.rigidity import FEWEST_PAIRS, consensus, explain
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.board import Board
 from binopos_ros.calibration.views.corners import upright_like
-from binopos_ros.calibration.views.pairs import BoardPair, Dropped, drop_blurred, select
-from binopos_ros.calibration.views.pose import Pose
+from binopos_ros.calibration.views.pairs import BoardPair, Dropped, drop_blurred, repeats, select
 from binopos_ros.calibration.views.view import View
-from binopos_ros.optics.rig_state import LEFT, RIGHT, Camera, RigState
+from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState
 from binopos_ros.sides import SIDES
 
 MOST_VIEWS = 40
-FOLDS = 5
-RATIONAL_SPREAD = 3.0  # standard deviation of radial terms beforehand
-BETTER = 2.0  # standard errors by which a larger lens model must win on held-out views
 
 Sizes = tuple[tuple[int, int], tuple[int, int]]
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """Cross-validation: each view judged by a calibration that has not seen it.
-
-    Attributes:
-        rms: of the reprojection with the board's pose fitted to both pictures (px).
-        transfer: of the right picture's points with the pose fitted to the left alone (px).
-        squares: (V,) each view's mean square (px^2); nan where a view never took part.
-    """
-
-    rms: float
-    transfer: float
-    squares: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -60,18 +39,20 @@ class StereoCalibration:
         board: what was seen.
         views: those used.
         dropped: those not used, with reasons.
-        lenses: the adequacy test of each camera's five-term lens.
+        lenses: each camera's lens model, and why.
         held_out: cross-validation of the chosen model.
-        lens_choice: in words, which lens model and why.
+        warp: (3,) the board's bends and its twist at the edge (m; see `adjustment.warp`), and
+            their deviations; zero where a flat board does as well.
     """
 
     adjustment: Adjustment
     board: Board
     views: tuple[View, ...]
     dropped: tuple[Dropped, ...]
-    lenses: tuple[Adequacy, Adequacy]
+    lenses: tuple[LensChoice, LensChoice]
     held_out: HeldOut
-    lens_choice: str
+    warp: np.ndarray
+    warp_deviations: np.ndarray
 
     @property
     def state(self) -> RigState:
@@ -80,110 +61,111 @@ class StereoCalibration:
 
 
 def calibrate_stereo(
-    pairs: Sequence[BoardPair], board: Board, sizes: Sizes, most_views: int = MOST_VIEWS
+    pairs: Sequence[BoardPair],
+    board: Board,
+    sizes: Sizes,
+    most_views: int = MOST_VIEWS,
+    lens: str = AUTO,
+    given: GivenCameras | None = None,
 ) -> StereoCalibration:
     """Calibrate a stereo rig in air.
 
     Args:
-        pairs: what both cameras found, picture pair by picture pair.
+        pairs: what both cameras found, picture pair by picture pair; what one alone has found
+            counts for its lens.
         board: the board.
         sizes: width and height of the left and the right pictures (px).
         most_views: views beyond this are left out, the least useful first.
+        lens: one of `lens.LENSES`.
+        given: the cameras where they are calibrated already; None estimates them.
 
     Raises:
         CalibrationError: too few views, views that do not belong to one rigid rig, swapped or
             mirrored cameras, a board that never tilts.
     """
-    usable, dropped = _usable(pairs, board)
-    usable, blurred = drop_blurred(usable)
-    usable, spare = select(usable, board, sizes, most_views)
-    dropped += blurred + spare
-    views = [pair.view(board) for pair in usable]
+    usable, alone, dropped = _usable(pairs, board)
+    usable, gone = _worth_using(usable, board, sizes, most_views)
+    alone, gone_alone = _worth_using(alone, board, sizes, most_views)
+    dropped += [*gone, *gone_alone]
+    views = [pair.view(board) for pair in (*usable, *alone)]
 
-    single = [calibrate_camera(views, side, sizes[side]) for side in (LEFT, RIGHT)]
-    for side, camera_fit in enumerate(single):
-        check_determined(camera_fit, side)
-    cameras = (
-        single[LEFT].adjustment.state.cameras[0],
-        single[RIGHT].adjustment.state.cameras[0],
-    )
+    reasons: dict[str, str] = {}
+    if given is None:
+        left, right = (
+            calibrate_camera(views, side, sizes[side], lens=lens) for side in (LEFT, RIGHT)
+        )
+        check_determined(left, LEFT)
+        check_determined(right, RIGHT)
+        cameras = left.adjustment.state.cameras[0], right.adjustment.state.cameras[0]
+        lenses = left.lens, right.lens
+        reasons = _outlying((left, right))
+    else:
+        given.refuse_other_size(sizes)
+        cameras, lenses = given.cameras, (GIVEN, GIVEN)
     start, disagreeing = consensus(cameras, views, board)
-    reasons = _outlying(single) | disagreeing
+    reasons |= disagreeing
     dropped += [Dropped(view.name, reasons[view.name]) for view in views if view.name in reasons]
     views = [view for view in views if view.name not in reasons]
     _enough(views, dropped)
 
-    fit, views, worse = _joint(start, views)
+    if given is None:
+        free, prior = np.ones(len(start.names), bool), lens_prior(start)
+    else:
+        free, prior = given.unknowns(start)
+    fit, views, worse = _joint(start, views, free, prior)
     dropped += worse
     _enough(views, dropped)
-    lenses = (adequacy(fit, views, LEFT), adequacy(fit, views, RIGHT))
-    held_out = cross_validate(fit, views)
-    fit, held_out, choice = _choose_lens(fit, views, lenses, held_out)
+    if given is None:
+        fit, prior = one_to_one(fit, views, prior)
+    held_out = cross_validate(fit, views, prior)
+    bent = _bent(fit, views, prior, held_out)
     # A rational lens's prior tells next to nothing: it only keeps the terms from running away.
-    fit = widened(fit, views)
-    return StereoCalibration(fit, board, tuple(views), tuple(dropped), lenses, held_out, choice)
-
-
-def cross_validate(fit: Adjustment, views: Sequence[View], prior: Prior | None = None) -> HeldOut:
-    """Judge each view by the rig that the other folds' views give."""
-    count = len(views)
-    squares = np.full(count, np.nan)
-    transfers: list[np.ndarray] = []
-    lengths: list[np.ndarray] = []
-    none = np.zeros(len(fit.free), bool)
-    for fold in range(min(FOLDS, count)):
-        out = [i for i in range(count) if i % FOLDS == fold]
-        rest = [i for i in range(count) if i % FOLDS != fold]
-        rig = adjust(
-            fit.state, [fit.poses[i] for i in rest], [views[i] for i in rest], fit.free, prior
-        ).state
-        test = [views[i] for i in out]
-        judged = adjust(rig, [fit.poses[i] for i in out], test, none, robust=False, sigma=1.0)
-        for i, residuals in zip(out, judged.residuals, strict=True):
-            both = np.concatenate([r[np.isfinite(r).all(axis=1)] for r in residuals])
-            squares[i] = np.mean(np.sum(both**2, axis=1))
-            lengths.append(np.sum(both**2, axis=1))
-        left_only = [
-            (i, View(v.name, v.points, v.pixels[:1]))
-            for i, v in zip(out, test, strict=True)
-            if all(np.isfinite(p).all(axis=1).sum() >= 4 for p in v.pixels)
-        ]
-        if left_only:
-            transfers += _transfer(rig, fit, left_only, views)
-    return HeldOut(
-        float(np.sqrt(np.mean(np.concatenate(lengths)))),
-        float(np.sqrt(np.mean(np.concatenate(transfers)))) if transfers else float('nan'),
-        squares,
+    told = prior if given is not None else None
+    if bent is None:
+        fit = widened(fit, views, told)
+        warp, deviations = np.zeros(TERMS), np.zeros(TERMS)
+    else:
+        (better, held_out), views = bent, list(bent[0].views)
+        fit = widened(better.fit, views, told)
+        covariance = fit.covariance + fit.variance_factor * better.uncertainty
+        fit = replace(fit, covariance=covariance)
+        warp = better.warp
+        deviations = better.deviations * np.sqrt(fit.variance_factor)
+    return StereoCalibration(
+        fit,
+        board,
+        tuple(views),
+        tuple(dropped),
+        lenses,
+        held_out,
+        warp,
+        deviations,
     )
 
 
-def _transfer(
-    rig: RigState,
-    fit: Adjustment,
-    left_only: list[tuple[int, View]],
-    views: Sequence[View],
-) -> list[np.ndarray]:
-    start = [fit.poses[i] for i, _ in left_only]
-    left = RigState(rig.cameras[:1])
-    none = np.zeros(len(left.names), bool)
-    posed = adjust(left, start, [view for _, view in left_only], none, robust=False, sigma=1.0)
-    squares = []
-    for (i, _), pose in zip(left_only, posed.poses, strict=True):
-        local = pose.apply(views[i].points) @ rig.rotation.T + rig.translation
-        error = views[i].pixels[RIGHT] - rig.cameras[RIGHT].pinhole().project(local)
-        error = error[np.isfinite(error).all(axis=1)]
-        squares.append(np.sum(error**2, axis=1))
-    return squares
+def _bent(
+    fit: Adjustment, views: Sequence[View], prior: Prior, held_out: HeldOut
+) -> tuple[Bent, HeldOut] | None:
+    """With the board's shape estimated, where that wins on held-out views."""
+    bent = estimate_warp(fit, views, prior)
+    if bent is None:
+        return None
+    judged = cross_validate(bent.fit, bent.views, prior)
+    if better_by(held_out.squares, judged.squares) < BETTER:
+        return None
+    return bent, judged
 
 
-def _usable(pairs: Sequence[BoardPair], board: Board) -> tuple[list[BoardPair], list[Dropped]]:
-    usable, dropped = [], []
+def _usable(
+    pairs: Sequence[BoardPair], board: Board
+) -> tuple[list[BoardPair], list[BoardPair], list[Dropped]]:
+    """Pairs in which both cameras found the board, in which one did, and the others."""
+    usable, alone, dropped = [], [], []
     for pair in pairs:
         if pair.left is None and pair.right is None:
             dropped.append(Dropped(pair.name, f'no {board} found in either picture'))
         elif pair.left is None or pair.right is None:
-            missing = 'left' if pair.left is None else 'right'
-            dropped.append(Dropped(pair.name, f'no {board} found in the {missing} picture'))
+            alone.append(pair)
         else:
             usable.append(replace(pair, right=upright_like(pair.right, pair.left, board)))
     if len(usable) < FEWEST_PAIRS:
@@ -192,7 +174,18 @@ def _usable(pairs: Sequence[BoardPair], board: Board) -> tuple[list[BoardPair], 
             f'least {FEWEST_PAIRS} are needed: check the board given (a chessboard counts its '
             'inner corners), and that all of it is in both pictures'
         )
-    return usable, dropped
+    return usable, alone, dropped
+
+
+def _worth_using(
+    pairs: Sequence[BoardPair], board: Board, sizes: Sizes, most_views: int
+) -> tuple[list[BoardPair], list[Dropped]]:
+    """Without what is blurred, shown again, or beyond the most views."""
+    sharp, blurred = drop_blurred(pairs)
+    again = repeats([pair.view(board) for pair in sharp])
+    once = [pair for i, pair in enumerate(sharp) if i not in again]
+    chosen, spare = select(once, board, sizes, most_views)
+    return chosen, [*blurred, *again.values(), *spare]
 
 
 def _outlying(single: Sequence[CameraFit]) -> dict[str, str]:
@@ -203,19 +196,26 @@ def _outlying(single: Sequence[CameraFit]) -> dict[str, str]:
     return reasons
 
 
+def seen_by_both(views: Sequence[View]) -> int:
+    """How many of the views both cameras have."""
+    return sum(all(np.isfinite(side).any() for side in view.pixels) for view in views)
+
+
 def _enough(views: Sequence[View], dropped: Sequence[Dropped]) -> None:
-    if len(views) < FEWEST_PAIRS:
+    good = seen_by_both(views)
+    if good < FEWEST_PAIRS:
         reason = dropped[-1] if dropped else 'no reason'
         raise CalibrationError(
-            f'{len(views)} good pairs are left of {len(views) + len(dropped)}, at least '
+            f'{good} good pairs are left of {len(views) + len(dropped)}, at least '
             f'{FEWEST_PAIRS} are needed; the last one left out: {reason}'
         )
 
 
-def _joint(start: RigState, views: Sequence[View]) -> tuple[Adjustment, list[View], list[Dropped]]:
+def _joint(
+    start: RigState, views: Sequence[View], free: np.ndarray, prior: Prior
+) -> tuple[Adjustment, list[View], list[Dropped]]:
     """The joint adjustment, again without the pairs that only now prove bad."""
-    free = np.ones(len(start.names), bool)
-    fit = adjust(start, _poses(start.cameras[0], views), views, free)
+    fit = adjust(start, straight_poses(start, views), views, free, prior)
     rms = np.array([fit.rms(view=i) for i in range(len(views))])
     limit = max(2.5 * float(np.median(rms)), 0.15)
     bad = rms > limit
@@ -232,49 +232,6 @@ def _joint(start: RigState, views: Sequence[View]) -> tuple[Adjustment, list[Vie
     ]
     kept = [view for view, one in zip(views, bad, strict=True) if not one]
     poses = [pose for pose, one in zip(fit.poses, bad, strict=True) if not one]
-    if len(kept) < FEWEST_PAIRS:
+    if seen_by_both(kept) < FEWEST_PAIRS:
         return fit, kept, dropped
-    return adjust(fit.state, poses, kept, free), kept, dropped
-
-
-def _poses(left: Camera, views: Sequence[View]) -> list[Pose]:
-    poses = []
-    for view in views:
-        pose = guess_pose(left, view.points, view.pixels[LEFT])
-        if pose is None:
-            raise CalibrationError(f'{view.name}: the board gives no pose in the left picture')
-        poses.append(pose)
-    return poses
-
-
-def _choose_lens(
-    fit: Adjustment,
-    views: Sequence[View],
-    lenses: tuple[Adequacy, Adequacy],
-    held_out: HeldOut,
-) -> tuple[Adjustment, HeldOut, str]:
-    """Try eight terms where five are not adequate; keep them if they win on held-out views."""
-    worst = min(lens.probability for lens in lenses)
-    if all(lens.adequate for lens in lenses):
-        return fit, held_out, f'five terms are adequate (p = {worst:.2g} of chance residuals)'
-    cameras = tuple(
-        replace(camera, lens=np.concatenate([camera.lens, np.zeros(RATIONAL_TERMS - BROWN_TERMS)]))
-        if not lens.adequate
-        else camera
-        for camera, lens in zip(fit.state.cameras, lenses, strict=True)
-    )
-    start = replace(fit.state, cameras=cameras)
-    lead = f'five terms leave systematic residuals (p = {worst:.2g})'
-    try:
-        # The six radial terms trade off against each other; this keeps them from running away.
-        lens = [name.split('.')[-1][0] == 'k' for name in start.names]
-        prior = Prior(start, np.diag(np.array(lens) / RATIONAL_SPREAD**2))
-        larger = adjust(start, fit.poses, views, np.ones(len(lens), bool), prior)
-        judged = cross_validate(larger, views, prior)
-    except CalibrationError:
-        return fit, held_out, f'{lead}, but these views do not determine a rational lens'
-    score = better_by(held_out.squares, judged.squares)
-    change = f'held-out RMS {held_out.rms:.3f} -> {judged.rms:.3f} px, {score:.1f} standard errors'
-    if score < BETTER:
-        return fit, held_out, f'{lead}, but a rational lens is no better ({change})'
-    return larger, judged, f'{lead}: rational lens ({change})'
+    return adjust(fit.state, poses, kept, free, prior), kept, dropped

@@ -15,33 +15,26 @@ import numpy as np
 
 from binopos_ros.calibration.adjustment.adjust import NEARLY, Adjustment, Prior, adjust
 from binopos_ros.calibration.adjustment.noise import widened
-from binopos_ros.calibration.adjustment.start import other_pose, straight_poses, sunk
+from binopos_ros.calibration.adjustment.start import other_pose, sunk
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface.guesses import (
     Guess,
     check_places,
     prior_deviations,
-    unknowns,
     with_assumed_index,
-    with_known_ports,
+    with_known_plates,
 )
-from binopos_ros.calibration.views.pairs import Dropped
+from binopos_ros.calibration.interface.misfit import SUSPECT, refuse_explained, refuse_hopeless
+from binopos_ros.calibration.interface.starts import Known, best_start
+from binopos_ros.calibration.views.pairs import Dropped, repeats
 from binopos_ros.calibration.views.view import View
 from binopos_ros.optics.covariance_file import ParameterCovariance
-from binopos_ros.optics.rig_state import LEFT, RigState
+from binopos_ros.optics.rig_state import LEFT, TARGET_INDEX, RigState
 
 SUSPICIOUS = 1.5  # times the median RMS of the views
 FEWEST_INLIERS = 0.7  # of a view's points
-#: First guesses of an unknown distance, as parts of the way to the nearest board.
-FRACTIONS = (0.5, 0.15, 0.85)
-#: Above this standard deviation (px) some views are asked what else would explain them.
-SUSPECT = 0.35
-ENOUGH_TO_ASK = 3
-EXPLAINED = 0.6  # of the RMS may be left by an explanation, and no more than 2 SUSPECT
-SCALES = (0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
-HOPELESS = 3.0  # px
-ROUGHLY = 1e-3  # relative decrease of the cost at which an explanation has shown its worth
-GOOD_START = 0.5  # px; a descent into a wrong valley ends far above it
+LEAST_LIQUID = 1.2  # index; liquefied gases lie about it, what people dive in far above
+SURE = 3.0  # standard deviations
 
 
 @dataclass(frozen=True)
@@ -99,15 +92,24 @@ def calibrate_interface(
         CalibrationError: no guess, views that no such interface explains, or nothing known at all.
     """
     check_places(guesses)
-    guesses = with_known_ports(guesses)
+    guesses = with_known_plates(guesses)
     if not views:
         return _ruler_only(air, guesses, air_covariance)
     if not any(view.turns for view in views):
         guesses = with_assumed_index(guesses)
-    best, prior = _best_start(air, views, guesses, air_covariance, free_cameras)
+    again = repeats(views) if views[0].turns else {}
+    views = [view for i, view in enumerate(views) if i not in again]
+    dropped = list(again.values())
+    known = Known(air, guesses, air_covariance)
+    try:
+        best, prior = best_start(known, views, free_cameras)
+    except CalibrationError:
+        refuse_explained(known, views, np.inf)
+        raise
     fit = adjust(best.state, best.poses, views, best.free, prior, robust=robust, sigma=sigma)
-    dropped: list[Dropped] = []
     fit = _turn_boards(fit, views, prior, sigma)
+    if not free_cameras and fit.sigma > SUSPECT:
+        refuse_explained(known, views, fit.rms())
     # One by one, the worst first: a bad view makes good ones look bad.
     while (bad := _outlying(fit)) and robust and len(views) > 1:
         worst = max(bad, key=lambda i: fit.rms(view=i))
@@ -117,7 +119,8 @@ def calibrate_interface(
         fit = adjust(fit.state, poses, views, fit.free, prior, sigma=sigma)
         fit = _turn_boards(fit, views, prior, sigma)
     if not free_cameras:
-        _refuse_misfit(fit, air, views, guesses, air_covariance)
+        refuse_hopeless(fit)
+    _refuse_air(fit, guesses)
     if sigma is None:
         fit = widened(fit, views, prior)
     return InterfaceCalibration(
@@ -130,48 +133,20 @@ def calibrate_interface(
     )
 
 
-def _refuse_misfit(
-    fit: Adjustment,
-    air: RigState,
-    views: Sequence[View],
-    guesses: Sequence[Guess],
-    air_covariance: ParameterCovariance | None,
-) -> None:
-    """Say what is wrong where no interface explains the pictures.
+def _refuse_air(fit: Adjustment, guesses: Sequence[Guess]) -> None:
+    """Say so where a liquid was given and the pictures show none.
 
     Raises:
-        CalibrationError: swapped cameras, a board of another size, or pairs that do not fit.
+        CalibrationError: no liquid has the index found.
     """
-    if fit.sigma < SUSPECT:
+    if not any(guess.estimates_index and guess.indices[-1] > LEAST_LIQUID for guess in guesses):
         return
-    rms = fit.rms()
-    some = views[:ENOUGH_TO_ASK]
-
-    def error(changed: Sequence[View]) -> float:
-        try:
-            best = _best_start(air, changed, guesses, air_covariance, False, ROUGHLY)[0]
-        except CalibrationError:
-            return np.inf
-        return best.rms()
-
-    explained = min(EXPLAINED * rms, 2.0 * SUSPECT)
-    lead = f'no such interface explains the pictures: they miss by {rms:.2f} px'
-    if error([replace(view, pixels=view.pixels[::-1]) for view in some]) < explained:
-        raise CalibrationError(f'{lead}; left and right are swapped: swap the two sources')
-    scaled = {
-        scale: error([replace(view, points=scale * view.points) for view in some])
-        for scale in SCALES
-    }
-    scale = min(scaled, key=lambda one: scaled[one])
-    if scaled[scale] < explained:
+    index, deviation = fit.state.target_index, fit.deviation(TARGET_INDEX)
+    if index + SURE * deviation < LEAST_LIQUID:
         raise CalibrationError(
-            f'{lead}, with a board about {scale:g} times as large by {scaled[scale]:.2f} px: '
-            "check the board's size"
-        )
-    if fit.sigma > HOPELESS:
-        raise CalibrationError(
-            f'{lead}: the pictures of a pair do not belong together, or the cameras have moved '
-            'since they were calibrated'
+            f'the pictures show an index of {index:.4f} (+- {deviation:.4f}), which is that of '
+            'air and of no liquid: take them through the water, or give the gas as the last of '
+            'the --indices'
         )
 
 
@@ -216,43 +191,6 @@ def _drop(fit: Adjustment, views: Sequence[View], worst: int) -> Dropped:
         f'it misses the interface by {fit.rms(view=worst):.2f} px, the others by {usual:.2f} px: '
         'the board or the water moved between the two pictures, or it is another board',
     )
-
-
-def _best_start(
-    air: RigState,
-    views: Sequence[View],
-    guesses: Sequence[Guess],
-    air_covariance: ParameterCovariance | None,
-    free_cameras: bool,
-    converged: float = NEARLY,
-) -> tuple[Adjustment, Prior]:
-    """Of several first distances, the one from which the pictures are explained best."""
-    straight = straight_poses(air, views)
-    nearest = min(
-        float(np.min(pose.apply(view.points)[:, 2]))
-        for pose, view in zip(straight, views, strict=True)
-    )
-    best: tuple[Adjustment, Prior] | None = None
-    trouble = ''
-    for fraction in FRACTIONS:
-        interfaces = {guess.place: guess.start(fraction * nearest) for guess in guesses}
-        start = replace(air, interfaces=interfaces)
-        poses = [sunk(pose, view, start) for pose, view in zip(straight, views, strict=True)]
-        free, prior = unknowns(start, guesses, air_covariance, free_cameras)
-        try:
-            fit = adjust(
-                start, poses, views, free, prior, robust=False, sigma=1.0, converged=converged
-            )
-        except ValueError as error:
-            trouble = str(error)
-            continue
-        if best is None or fit.rms() < 0.999 * best[0].rms():
-            best = fit, prior
-        if best[0].rms() < GOOD_START:
-            break
-    if best is None:
-        raise CalibrationError(f'no such interface explains the views: {trouble}')
-    return best
 
 
 def _ruler_only(

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from binopos_ros.calibration.adjustment.adjust import Prior
+from binopos_ros.calibration.adjustment.known import information_of
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.optics import DomePort, FlatInterface
 from binopos_ros.optics.covariance_file import ParameterCovariance
@@ -24,8 +25,10 @@ UNKNOWN_INDEX = 0.1
 #: that of water, fresh or salt, unless it was measured.
 ASSUMED_INDEX = 0.01
 UNKNOWN_LAYER = 0.01  # the index of glass or acrylic whose kind is known
-#: A port with a shared surface behind it has air, or the same water, on both sides, and then where
-#: it stands makes no difference. So it needs a place beforehand: a housing's, before its camera.
+#: Gases lie below it, and nothing else: such a medium is known and no parameter.
+GAS = 1.001
+#: A plate, with one medium on both sides, shifts the rays alike wherever it stands, and so has a
+#: port before a shared surface. So it needs a place beforehand: a housing's, before its camera.
 PORT_DISTANCE, PORT_DISTANCE_DEVIATION = 0.03, 0.03  # m
 PORT_TILT = 0.1  # rad
 
@@ -68,6 +71,18 @@ class Guess:
                 raise CalibrationError(
                     f'{self.place}.{name}: standard deviation {deviation:g}: it must be above 0'
                 )
+
+    @property
+    def is_plate(self) -> bool:
+        """Whether the same medium lies on both sides, so that the distance makes no difference."""
+        return self.indices[0] == self.indices[-1] and TARGET_INDEX not in self.deviations
+
+    @property
+    def estimates_index(self) -> bool:
+        """Whether the last medium's index is to be found: a gas is known, and so are the cameras'
+        surroundings, unless a measurement says otherwise."""
+        known = self.indices[-1] < GAS or self.indices[-1] == self.indices[0]
+        return TARGET_INDEX in self.deviations or not known
 
     def deviation(self, name: str) -> float:
         """The prior's standard deviation of one of this interface's parameters."""
@@ -211,28 +226,34 @@ def _parted(
     return shared, [guess for guess in guesses if guess.place != SHARED]
 
 
-def with_known_ports(guesses: Sequence[Guess]) -> list[Guess]:
-    """Ports before a shared surface, with a rough place where none was measured."""
+def with_known_plates(guesses: Sequence[Guess]) -> list[Guess]:
+    """Plates, and ports before a shared surface, with a rough place where none was measured."""
     shared, ports = _parted(guesses)
-    if not shared:
-        return ports
     known: list[Guess] = []
-    for port in ports:
-        if not isinstance(port, InterfaceGuess):
-            known.append(port)
-            continue
-        deviations = {'normal': PORT_TILT, **port.deviations}
-        if port.distance is None:
-            deviations['distance'] = PORT_DISTANCE_DEVIATION
-        distance = PORT_DISTANCE if port.distance is None else port.distance
-        known.append(replace(port, distance=distance, deviations=deviations))
-    return [*shared, *known]
+    for guess in (*shared, *ports):
+        before_surface = bool(shared) and guess.place != SHARED
+        if isinstance(guess, InterfaceGuess) and (guess.is_plate or before_surface):
+            known.append(_placed(guess, before_surface))
+        else:
+            known.append(guess)
+    return known
+
+
+def _placed(guess: InterfaceGuess, facing: bool) -> InterfaceGuess:
+    """A flat interface with a place, and where it is a port with a tilt, if none was measured."""
+    rough = {'normal': PORT_TILT} if facing else {}
+    if guess.distance is not None:
+        return replace(guess, deviations={**rough, **guess.deviations})
+    rough['distance'] = PORT_DISTANCE_DEVIATION
+    return replace(guess, distance=PORT_DISTANCE, deviations={**rough, **guess.deviations})
 
 
 def with_assumed_index(guesses: Sequence[Guess]) -> list[Guess]:
     """Guesses for views of a ball: an index that was not measured is that given, nearly."""
     return [
         replace(guess, deviations={TARGET_INDEX: ASSUMED_INDEX, **guess.deviations})
+        if guess.estimates_index
+        else guess
         for guess in guesses
     ]
 
@@ -250,16 +271,11 @@ def unknowns(
     free = own.copy()
     information = np.zeros((len(names), len(names)))
     if free_cameras:
-        free[:] = True
+        free |= [name != TARGET_INDEX for name in names]
     elif air_covariance is not None:
-        cameras = np.flatnonzero(~own)
-        covariance = air_covariance.ordered([names[i] for i in cameras])
-        known = np.diag(covariance) > 0
-        cameras, covariance = cameras[known], covariance[np.ix_(known, known)]
-        scale = np.sqrt(np.diag(covariance))
-        inverse = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)
-        information[np.ix_(cameras, cameras)] = inverse / np.outer(scale, scale)
-        free[cameras] = True
+        cameras = [name if not mine else '' for name, mine in zip(names, own, strict=True)]
+        uncertain, information = information_of(air_covariance, cameras)
+        free |= uncertain
     of_place = {guess.place: guess for guess in guesses}
     for i, name in enumerate(names):
         place, _, parameter = name.partition('.')
@@ -269,8 +285,11 @@ def unknowns(
 
 
 def prior_deviations(state: RigState, guesses: Sequence[Guess]) -> dict[str, float]:
+    """Standard deviations beforehand, by name, of the interfaces' unknowns."""
     last = [guess for guess in guesses if guess.place in state.last_places]
-    deviations = {TARGET_INDEX: min(guess.deviation(TARGET_INDEX) for guess in last)}
+    deviations = {}
+    if any(guess.estimates_index for guess in last):
+        deviations[TARGET_INDEX] = min(guess.deviation(TARGET_INDEX) for guess in last)
     for guess in guesses:
         for name in state.names_of(guess.place):
             deviations[name] = guess.deviation(name.partition('.')[2])

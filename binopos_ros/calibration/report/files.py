@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from binopos_ros.calibration.cameras.given import GivenCameras
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
 from binopos_ros.optics import (
@@ -80,7 +81,9 @@ def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Pat
         }
         if 'normal' in spreads:
             remarks['normal'] = f'+- {np.degrees(max(spreads["normal"])):.3f} deg'
-        if place in calibration.state.last_places:
+        if 'distance' in spreads and interface.indices[0] == interface.indices[-1]:
+            remarks['distance'] = 'm, of a plate: it does not matter'
+        elif place in calibration.state.last_places:
             remarks['indices'] = f'the last +- {index:.5f}'
         lines += interface_block(place, interface, remarks)
     paths = write_stereo(folder, calibration.state, calibration.covariance)
@@ -95,17 +98,45 @@ def read_stereo(folder: Path) -> tuple[RigState, ParameterCovariance | None]:
     Raises:
         CalibrationError: a file is missing. OpticsError: it cannot be used.
     """
-    for side in SIDES:
-        if not (folder / f'{side}.yaml').is_file():
-            raise CalibrationError(
-                f'{folder} holds no {side}.yaml: give the folder that `binopos calibrate stereo` '
-                'has written'
-            )
+    _refuse_missing(folder)
     infos = [read_camera_info(folder / f'{side}.yaml') for side in SIDES]
     left, right, rotation, translation = stereo_from_camera_infos(*infos)
     state = RigState((Camera.of(left), Camera.of(right)), rotation, translation)
     path = folder / COVARIANCE_FILE
     return state, read_covariance(path) if path.is_file() else None
+
+
+def read_intrinsics(folder: Path) -> GivenCameras:
+    """Read the cameras of a folder alone, whatever their mutual pose.
+
+    Their covariance is that of a stereo calibration, or of each camera's own.
+
+    Raises:
+        CalibrationError: a file is missing. OpticsError: it cannot be used.
+    """
+    _refuse_missing(folder, 'or `calibrate camera` for each side ')
+    left, right = (Camera.of(read_camera_info(folder / f'{side}.yaml').camera()) for side in SIDES)
+    path = folder / COVARIANCE_FILE
+    if path.is_file():
+        return GivenCameras((left, right), read_covariance(path))
+    own = [folder / f'{side}_{COVARIANCE_FILE}' for side in SIDES]
+    if not all(one.is_file() for one in own):
+        return GivenCameras((left, right))
+    first, second = (read_covariance(one) for one in own)
+    count = len(first.names)
+    matrix = np.zeros((count + len(second.names),) * 2)
+    matrix[:count, :count], matrix[count:, count:] = first.matrix, second.matrix
+    both = ParameterCovariance((*first.names, *second.names), matrix)
+    return GivenCameras((left, right), both)
+
+
+def _refuse_missing(folder: Path, otherwise: str = '') -> None:
+    for side in SIDES:
+        if not (folder / f'{side}.yaml').is_file():
+            raise CalibrationError(
+                f'{folder} holds no {side}.yaml: give the folder that `binopos calibrate stereo` '
+                f'{otherwise}has written'
+            )
 
 
 def _make_folder(folder: Path) -> None:

@@ -53,13 +53,13 @@ def stereo_report(folder: Path, calibration: StereoCalibration) -> Path:
     fit, views = calibration.adjustment, calibration.views
     head = ('parameter', 'value', 'standard deviation', 'unit')
     sections = [
-        ('Summary', _table(stereo_rows(calibration))),
+        ('Summary', table(stereo_rows(calibration))),
         *_left_out(calibration.dropped),
         *_picture_sections(fit, views, fit.covariance),
-        ('Parameters', _table(camera_rows(fit), head)),
+        ('Parameters', table(camera_rows(fit), head)),
     ]
     path = folder / 'stereo.html'
-    write_text(path, _page('Stereo calibration', stereo_advice(calibration), sections))
+    write_text(path, page('Stereo calibration', stereo_advice(calibration), sections))
     return path
 
 
@@ -70,15 +70,15 @@ def interface_report(folder: Path, calibration: InterfaceCalibration) -> Path:
         for verdict in verdicts(calibration)
     ]
     sections = [
-        ('Summary', _table(interface_rows(calibration))),
-        ('Verdicts', _table(rows, ('parameter', 'value', 'standard deviation', 'verdict'))),
+        ('Summary', table(interface_rows(calibration))),
+        ('Verdicts', table(rows, ('parameter', 'value', 'standard deviation', 'verdict'))),
         *_left_out(calibration.dropped),
     ]
     fit = calibration.adjustment
     if fit is not None:
         sections += _picture_sections(fit, calibration.views, calibration.covariance)
     path = folder / 'interface.html'
-    write_text(path, _page('Interface calibration', advice(calibration), sections))
+    write_text(path, page('Interface calibration', advice(calibration), sections))
     return path
 
 
@@ -125,16 +125,22 @@ def _picture_sections(
 def _left_out(dropped: Sequence[Dropped]) -> list[tuple[str, str]]:
     if not dropped:
         return []
-    return [('Left out', _table([(one.name, one.reason) for one in dropped], ('view', 'reason')))]
+    return [('Left out', table([(one.name, one.reason) for one in dropped], ('view', 'reason')))]
 
 
 def _picture(heading: str, png: bytes, more: str = '') -> tuple[str, str]:
+    return picture(heading, CAPTIONS[heading] + more, png)
+
+
+def picture(heading: str, caption: str, png: bytes) -> tuple[str, str]:
+    """A section with a picture under its caption: heading and HTML."""
     data = base64.b64encode(png).decode()
     image = f'<img alt="{html.escape(heading)}" src="data:image/png;base64,{data}">'
-    return heading, f'<p>{html.escape(CAPTIONS[heading] + more)}</p>{image}'
+    return heading, f'<p>{html.escape(caption)}</p>{image}'
 
 
-def _table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
+def table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
+    """The HTML of a table."""
     lines = [_row(head, 'th')] if head else []
     return ''.join(['<table>', *lines, *(_row(row, 'td') for row in rows), '</table>'])
 
@@ -143,7 +149,8 @@ def _row(cells: Sequence[str], tag: str) -> str:
     return '<tr>' + ''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells) + '</tr>'
 
 
-def _page(title: str, next_thing: str, sections: Sequence[tuple[str, str]]) -> str:
+def page(title: str, next_thing: str, sections: Sequence[tuple[str, str]]) -> str:
+    """The HTML of a whole page: what to do next, then sections of heading and HTML."""
     parts = [f'<h2>{heading}</h2>{body}' for heading, body in sections]
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'

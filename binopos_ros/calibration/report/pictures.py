@@ -10,6 +10,7 @@ import numpy as np
 
 from binopos_ros.calibration.adjustment.adjust import Adjustment
 from binopos_ros.calibration.check.epipolar import epipolar_residuals
+from binopos_ros.calibration.report.accuracy import AccuracyMap
 from binopos_ros.calibration.report.prediction import ErrorMap
 from binopos_ros.calibration.views.pairs import CELLS, coverage
 from binopos_ros.calibration.views.view import View
@@ -139,6 +140,29 @@ def predicted(errors: ErrorMap) -> bytes:
     return _png(figure)
 
 
+def accuracy(found: AccuracyMap) -> bytes:
+    """Deviations of a position, along and across, with the calibration's errors and without."""
+    figure, axes = _figure(2, 5.6, 8.0, rows=2)
+    extent = (*found.x[[0, -1]], *found.z[[0, -1]])
+    whole, exact = found.whole, found.exact
+    maps = (whole.along, whole.across, exact.along, exact.across)
+    titles = (
+        'along the line of sight',
+        'across',
+        'along, of a rig known exactly',
+        'across, of a rig known exactly',
+    )
+    for i, (axis, values, title) in enumerate(zip(axes, maps, titles, strict=True)):
+        # The two of a column share their colours, so that they compare at a glance.
+        top = 1000 * float(np.nanmax(maps[i % 2]))
+        image = axis.imshow(
+            1000 * values, extent=extent, origin='lower', aspect='auto', vmin=0, vmax=top
+        )
+        figure.colorbar(image, ax=axis, label='mm')
+        axis.set(xlabel='x, to the right (m)', ylabel='z, away from the cameras (m)', title=title)
+    return _png(figure)
+
+
 def _short_names(views: Sequence[View]) -> list[str]:
     """The left picture's name; of a bag, whose views bear stamps, the seconds since the first."""
     names = [view.name.split('|')[0] for view in views]
@@ -149,11 +173,11 @@ def _short_names(views: Sequence[View]) -> list[str]:
     return [f'{stamp - stamps[0]:.1f} s' for stamp in stamps]
 
 
-def _figure(columns: int, width: float, height: float) -> tuple[Any, list[Any]]:
+def _figure(columns: int, width: float, height: float, rows: int = 1) -> tuple[Any, list[Any]]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(columns * width, height), layout='constrained')
-    return figure, list(np.ravel(figure.subplots(1, columns)))
+    return figure, list(np.ravel(figure.subplots(rows, columns)))
 
 
 def _as_picture(axis: Any, width: int, height: int, title: str) -> None:

@@ -72,13 +72,14 @@ def error_map(
         [grid[..., 0].ravel(), np.full(grid[..., 0].size, seen[:, 1].mean()), grid[..., 1].ravel()]
     )
     total, calibration = predicted_errors(state, covariance, points)
-    outside = ~_in_both_pictures(state, points)
+    outside = ~in_both_pictures(state, points)
     total[outside] = np.nan
     calibration[outside] = np.nan
     return ErrorMap(x, z, total.reshape(ALONG, ACROSS), calibration.reshape(ALONG, ACROSS))
 
 
-def _in_both_pictures(state: RigState, points: np.ndarray) -> np.ndarray:
+def in_both_pictures(state: RigState, points: np.ndarray) -> np.ndarray:
+    """(N,) which points both cameras have in their pictures."""
     inside = np.ones(len(points), bool)
     for side, pixels in zip((LEFT, RIGHT), state.rig().project(points), strict=True):
         width, height = state.cameras[side].size

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from binopos_ros.calibration.adjustment.adjust import Adjustment
-from binopos_ros.calibration.cameras.stereo import StereoCalibration
+from binopos_ros.calibration.cameras.stereo import StereoCalibration, seen_by_both
 from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
+from binopos_ros.calibration.report.quality import board_in_words, concerns
 from binopos_ros.calibration.report.verdicts import advice, verdicts
 from binopos_ros.calibration.views.pairs import Dropped
 from binopos_ros.optics.rig_state import LEFT, RIGHT, TARGET_INDEX, logarithm
@@ -21,7 +22,8 @@ SHOWN = ('normal', 'distance', 'centre', 'radius', 'thicknesses')
 
 def summarise_stereo(calibration: StereoCalibration) -> str:
     """The outcome of `calibrate stereo`, for the terminal."""
-    return _table(stereo_rows(calibration)) + _dropped(calibration.dropped)
+    table = _table(stereo_rows(calibration)) + _dropped(calibration.dropped)
+    return '\n'.join([table, *(f'WARNING: {one}' for one in concerns(calibration))])
 
 
 def summarise_interface(calibration: InterfaceCalibration) -> str:
@@ -35,8 +37,12 @@ def stereo_rows(calibration: StereoCalibration) -> Rows:
     """What `calibrate stereo` found, by name."""
     fit = calibration.adjustment
     rows = [
-        ('views used', f'{len(calibration.views)} of the {calibration.board}'),
-        ('lens', calibration.lens_choice),
+        ('views used', _views_in_words(calibration)),
+        ('board', board_in_words(calibration)),
+        *(
+            (f'{name} lens', lens.text)
+            for name, lens in zip(SIDES, calibration.lenses, strict=True)
+        ),
     ]
     for side in (LEFT, RIGHT):
         camera, name = fit.state.cameras[side], SIDES[side]
@@ -63,6 +69,13 @@ def stereo_rows(calibration: StereoCalibration) -> Rows:
         ('held-out RMS, posed by the left alone', f'{held_out.transfer:.3f} px'),
     ]
     return rows
+
+
+def _views_in_words(calibration: StereoCalibration) -> str:
+    both = seen_by_both(calibration.views)
+    alone = len(calibration.views) - both
+    more = f', and {alone} that one camera alone sees' if alone else ''
+    return f'{both} of the {calibration.board}{more}'
 
 
 def interface_rows(calibration: InterfaceCalibration) -> Rows:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
+from binopos_ros.calibration.interface.guesses import GAS
 from binopos_ros.calibration.report.domes import dome_verdict
 from binopos_ros.calibration.views.pairs import coverage
 from binopos_ros.calibration.views.pose import Pose
@@ -23,6 +24,7 @@ from binopos_ros.optics.rig_state import TARGET_INDEX
 
 DETERMINED, WEAK, PRIOR = 'determined', 'weakly determined', 'not determined'
 NOT_WORTH = 'not worth estimating'
+IRRELEVANT = 'does not matter'
 IMPROVED = 0.7  # times the prior's deviation: above it the pictures added next to nothing
 WANTED = {TARGET_INDEX: 0.005, 'normal': np.radians(0.2), 'distance': 0.006, 'centre': 0.0005}
 LAYER_WANTED = {'thicknesses': 0.02, 'indices': 0.02, 'radius': 0.02}  # parts of the value
@@ -48,7 +50,7 @@ class Verdict:
     Attributes:
         name: as in `RigState.names`.
         value, deviation: in SI units; a normal's value is its tilt from the optical axis (rad).
-        grade: `DETERMINED`, `WEAK`, `PRIOR` or `NOT_WORTH`.
+        grade: `DETERMINED`, `WEAK`, `PRIOR`, `NOT_WORTH` or `IRRELEVANT`.
         text: a sentence for people.
     """
 
@@ -87,7 +89,9 @@ def verdicts(calibration: InterfaceCalibration) -> list[Verdict]:
         value = _value(calibration, name)
         wanted = _wanted(name, value)
         pictures = deviation < IMPROVED * prior
-        if deviation <= wanted and (pictures or prior <= wanted):
+        if name.endswith('.distance') and _is_of_a_plate(calibration, name):
+            grade = IRRELEVANT
+        elif deviation <= wanted and (pictures or prior <= wanted):
             grade = DETERMINED
         elif pictures:
             grade = WEAK
@@ -159,6 +163,11 @@ def _sentence(
     if grade == DETERMINED:
         source = 'by these pictures' if pictures else 'by what you measured'
         return f'{what} is determined {source} to {spread}.'
+    if grade == IRRELEVANT:
+        return (
+            f'{what} does not matter: a plate with one medium on both sides only shifts the rays, '
+            'alike wherever it stands.'
+        )
     if not calibration.views:
         return f'{what} rests on what you measured, {spread}: take pictures to do better.'
     lead = (
@@ -210,7 +219,7 @@ def _remedy(calibration: InterfaceCalibration, name: str) -> str:
 def _is_of_a_plate(calibration: InterfaceCalibration, name: str) -> bool:
     """Whether a parameter belongs to a port with the same medium on both sides."""
     interface = calibration.state.interfaces.get(name.partition('.')[0])
-    return interface is not None and interface.indices[0] == interface.indices[-1]
+    return interface is not None and abs(interface.indices[0] - interface.indices[-1]) < GAS - 1.0
 
 
 def tilt_angles(poses: Sequence[Pose], normal: np.ndarray) -> np.ndarray:

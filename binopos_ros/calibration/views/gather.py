@@ -7,10 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
-
 from binopos_ros.calibration.errors import CalibrationError
-from binopos_ros.calibration.views.board import CHESSBOARD, Board
+from binopos_ros.calibration.views.board import Board
 from binopos_ros.calibration.views.corners import BoardView, find_board
 from binopos_ros.calibration.views.pairs import BoardPair
 from binopos_ros.calibration.views.sources import PicturePair
@@ -76,21 +74,3 @@ def _one_size(
                 f'{width}x{height}, most are {usual[0]}x{usual[1]} px; use one resolution'
             )
     return sizes[0]
-
-
-def name_other_board(image: np.ndarray, board: Board) -> Board | None:
-    """Where a chessboard was not found: one of a neighbouring size that is there instead."""
-    if board.kind != CHESSBOARD:
-        return None
-    columns, rows = board.columns, board.rows
-    sizes = [
-        (columns + dc, rows + dr)
-        for dc in (0, -1, 1, -2)
-        for dr in (0, -1, 1, -2)
-        if (dc, dr) != (0, 0) and columns + dc >= 3 and rows + dr >= 3
-    ]
-    for size in sizes:
-        other = Board(CHESSBOARD, *size, board.square)
-        if find_board(image, other) is not None:
-            return other
-    return None

@@ -15,6 +15,7 @@ from binopos_ros.calibration.views.view import View
 CELLS = (8, 6)  # of the coverage map, columns and rows
 BLURRED = 2.0  # times the median rise of the edges
 LEAST_BLUR = 3.5  # px; a rise below this is sharp enough whatever the others are
+REPEATED = 1.0  # px; corners that lie nearer err alike: the finder's grid, the lens, the board
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,35 @@ def drop_blurred(pairs: Sequence[BoardPair]) -> tuple[list[BoardPair], list[Drop
         else:
             kept.append(pair)
     return kept, dropped
+
+
+def repeats(views: Sequence[View]) -> dict[int, Dropped]:
+    """The places of views that show the board where an earlier one has shown it.
+
+    Pictures of a resting board average the noise away, but not what all of them have in common:
+    counted as many they would claim what one does not know.
+    """
+    kept: list[View] = []
+    found = {}
+    for i, view in enumerate(views):
+        first = next((one for one in kept if _alike(one, view)), None)
+        if first is None:
+            kept.append(view)
+        else:
+            reason = f'repeats {first.name}: the board had not moved, it counts once'
+            found[i] = Dropped(view.name, reason)
+    return found
+
+
+def _alike(one: View, other: View) -> bool:
+    for own, theirs in zip(one.pixels, other.pixels, strict=True):
+        if own.shape != theirs.shape:
+            return False
+        apart = np.linalg.norm(own - theirs, axis=1)
+        apart = apart[np.isfinite(apart)]
+        if not len(apart) or apart.mean() > REPEATED:
+            return False
+    return True
 
 
 def coverage(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
