@@ -31,8 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--lens',
         choices=LENSES,
         default=AUTO,
-        help='lens model: brown (five terms), rational (eight, for wide lenses), or the one that '
-        'predicts held-out views best (default: auto)',
+        help='lens model: brown (five terms), rational (eight) or equidistant (four) for wide '
+        'lenses; auto keeps five terms unless another predicts held-out views better '
+        '(default: auto)',
     )
     stereo.add_argument(
         '--intrinsics',

@@ -115,6 +115,56 @@ def test_the_calibration_holds_in_operation(
     assert 'the calibration holds' in capsys.readouterr().out
 
 
+def test_the_rig_tells_how_accurate_it_is(
+    world: Path, calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The stated deviations of the bowl's own positions lie within those of its volume."""
+    line = 'calibrate report {cal} -o {out} --near 0.85 --far 1.3 --noise 0.1 --wanted {wanted}'
+    assert main(words(line, cal=calibrated, out=tmp_path, wanted=1)) == 0
+    text = capsys.readouterr().out
+    rows = [line.split() for line in text.splitlines() if re.match(r' +[01]\.\d\d ', line)]
+    along, across, exact_along, exact_across = np.array(rows, float)[:, 1:].T
+    assert (along > across).all()
+    assert (along >= exact_along).all()
+    assert (across >= exact_across).all()
+    assert (np.diff(exact_along) > 0).all()
+    assert 'the rig is good enough' in text
+    assert '(this rig)' in text
+    assert (tmp_path / 'accuracy.html').read_text(encoding='utf-8').count('<img') == 1
+    assert main(words(line, cal=calibrated, out=tmp_path, wanted=1e-6)) == 0
+    assert 'a wider baseline' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ('more', 'line'),
+    [
+        ('--near 2 --far 1', 'the nearer one first'),
+        ('--noise 0', 'above 0'),
+        ('--near 0.1 --far 0.2', 'see nothing together'),
+    ],
+)
+def test_impossible_reports_are_one_line(
+    calibrated: Path, more: str, line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    assert line in line_of(words(f'calibrate report {{cal}} {more}', cal=calibrated), capsys)
+
+
+def test_intrinsics_first_then_only_the_pose(
+    world: Path, calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for side in ('left', 'right'):
+        (tmp_path / f'{side}.yaml').write_bytes((world / 'dry' / f'{side}.yaml').read_bytes())
+    line = 'calibrate stereo {at}/dry --square 0.025 --intrinsics {given} -o {given}/out'
+    assert main(words(line, at=world, given=tmp_path)) == 0
+    assert 'left lens' in capsys.readouterr().out
+    kept, given = (read_camera_info(at / 'left.yaml') for at in (tmp_path / 'out', tmp_path))
+    np.testing.assert_allclose(kept.k, given.k, rtol=1e-12)
+    infos = [read_camera_info(tmp_path / 'out' / f'{side}.yaml') for side in ('left', 'right')]
+    translation = stereo_from_camera_infos(*infos)[3]
+    np.testing.assert_allclose(translation, [-0.23, 0.0, 0.0], atol=2e-4)
+
+
 def test_reports_hold_their_pictures(world: Path, calibrated: Path) -> None:
     pytest.importorskip('matplotlib')
     for path, pictures in ((world / 'cal' / 'stereo.html', 5), (calibrated / 'interface.html', 5)):
@@ -170,7 +220,12 @@ def test_a_target_of_known_size_is_enough(
 
 def line_of(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     assert main(arguments) == 2
-    error = capsys.readouterr().err.splitlines()
+    # A search that lasts shows how far it is.
+    error = [
+        line
+        for line in capsys.readouterr().err.splitlines()
+        if not line.startswith('searching for the board')
+    ]
     assert len(error) == 1
     assert error[0].startswith('binopos calibrate: ')
     return error[0]
@@ -200,11 +255,11 @@ def test_bad_input_is_one_line(
     assert line in line_of(words(arguments, data=data, tmp=tmp_path), capsys)
 
 
-@pytest.mark.parametrize('board', ['9x7', '8x6', '7x5'])
+@pytest.mark.parametrize('board', ['9x7', '8x6'])
 def test_another_board_is_named(
     board: str, samples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for path in sorted(samples.glob('*0[1-3].jpg')):
+    for path in sorted(samples.glob('*0[12].jpg')):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     line = f'calibrate stereo {{at}} --square 0.025 --board {board}'
     line = line_of(words(line, at=tmp_path), capsys)

@@ -1,7 +1,7 @@
-"""Which lens model: Brown's five terms, or the rational one of eight.
+"""Which lens model: Brown's five terms, the rational one of eight, or the equidistant of four.
 
 Five are kept unless they leave residuals that are systematic or larger than the corners' own
-noise, *and* eight predict views better that they have not seen. The lens comes before the
+noise, *and* another lens predicts views better that they have not seen. The lens comes before the
 outliers: under the wrong one good views look bad.
 """
 
@@ -20,18 +20,24 @@ from binopos_ros.calibration.adjustment.warp import estimate_warp
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.corner_noise import corner_variance
 from binopos_ros.calibration.views.view import View
+from binopos_ros.optics import lens as models
 from binopos_ros.optics.rig_state import Camera, RigState
 from binopos_ros.sides import SIDES
 
-AUTO, BROWN, RATIONAL = 'auto', 'brown', 'rational'
-LENSES = (AUTO, BROWN, RATIONAL)
+AUTO, BROWN, RATIONAL, EQUIDISTANT = 'auto', 'brown', 'rational', 'equidistant'
+#: What is tried where Brown's five terms do not do.
+OTHERS = (RATIONAL, EQUIDISTANT)
+LENSES = (AUTO, BROWN, *OTHERS)
+LENS_WORDS = {RATIONAL: 'rational lens', EQUIDISTANT: 'equidistant lens'}
 BROWN_TERMS = 5
 RATIONAL_TERMS = 8
 RATIONAL_SPREAD = 1.0  # deviation of radial terms beforehand; a pinhole lies 1.3 away
 TIGHTER, TIMES = 10.0, 4  # in information, for a lens that folds in the picture
 #: The equidistant lens, r = theta, as eight terms: Gauss's continued fraction of the arc tangent
 #: to its seventh level. Wide lenses lie near it, and it sees in every direction ahead.
-EQUIDISTANT = (50 / 39, 283 / 715, 0.0, 0.0, 256 / 15015, 21 / 13, 105 / 143, 35 / 429)
+ARC_TANGENT = (50 / 39, 283 / 715, 0.0, 0.0, 256 / 15015, 21 / 13, 105 / 143, 35 / 429)
+#: The terms and the model from which the others begin.
+IDEAL = {RATIONAL: (ARC_TANGENT, models.BROWN), EQUIDISTANT: ((0.0,) * 4, models.EQUIDISTANT)}
 BETTER = 2.0  # standard errors by which a larger lens model must win on held-out views
 NOTICED = 1.05  # times larger errors; three terms are not worth what nobody notices
 GRID = 33  # points across the picture at which the lens is asked for a ray
@@ -78,33 +84,33 @@ def choose_lens(
     lead = f'five terms leave systematic residuals ({chance})'
     if five.adequate:
         lead = f"five terms leave more than the corners' noise ({above_noise:.1f} standard errors)"
-    try:
-        larger, held = _with_eight(flat, flat_views, prior)
-        if lens == RATIONAL:
-            return larger, LensChoice(five, 'rational lens, as asked')
-        larger_views = flat_views
-        if bent := estimate_warp(larger, flat_views, held):
-            larger, larger_views = bent.fit, bent.views
-        after = cross_validate(larger, larger_views, held).squares
-    except CalibrationError:
-        if lens == RATIONAL:
-            raise
-        text = f'{lead}, but these views do not determine a rational lens'
-        return fit, LensChoice(five, text)
+    if lens in OTHERS:
+        return _with(lens, flat, flat_views, prior)[0], LensChoice(five, f'{lens}, as asked')
     # Judged by the views that they were fitted to five look too good: where they lose, they lose.
-    before = np.array([fit.rms(view=i) ** 2 for i in range(len(views))])
-    if five.adequate:
-        # A bent board and blur leave more than noise, too: the lens has to explain some of it.
-        before /= NOTICED**2
-    score = better_by(before, after)
-    if score < BETTER and not five.adequate:
-        before = cross_validate(fit, views, prior).squares
-        score = better_by(before, after)
-    old, new = np.sqrt(before.mean()), np.sqrt(after.mean())
-    change = f'RMS {old:.3f} -> {new:.3f} px held out, {score:.1f} standard errors'
-    if score < BETTER:
-        return fit, LensChoice(five, f'{lead}, but a rational lens is no better ({change})')
-    return larger, LensChoice(five, f'{lead}: rational lens ({change})')
+    own = np.array([fit.rms(view=i) ** 2 for i in range(len(views))])
+    # A bent board and blur leave more than noise, too: the lens has to explain some of it.
+    own /= NOTICED**2 if five.adequate else 1.0
+    told = []
+    for name in OTHERS:
+        try:
+            other, held = _with(name, flat, flat_views, prior)
+            other_views = flat_views
+            if bent := estimate_warp(other, flat_views, held):
+                other, other_views = bent.fit, bent.views
+            after = cross_validate(other, other_views, held).squares
+        except CalibrationError:
+            told.append(f'these views do not determine {LENS_WORDS[name]}')
+            continue
+        before, score = own, better_by(own, after)
+        if score < BETTER and not five.adequate:
+            before = cross_validate(fit, views, prior).squares
+            score = better_by(before, after)
+        old, new = np.sqrt(before.mean()), np.sqrt(after.mean())
+        change = f'RMS {old:.3f} -> {new:.3f} px held out, {score:.1f} standard errors'
+        if score >= BETTER:
+            return other, LensChoice(five, f'{lead}: {LENS_WORDS[name]} ({change})')
+        told.append(f'{LENS_WORDS[name]} is no better ({change})')
+    return fit, LensChoice(five, f'{lead}, but {", and ".join(told)}')
 
 
 def _above_noise(fit: Adjustment, views: Sequence[View]) -> float:
@@ -121,15 +127,17 @@ def _above_noise(fit: Adjustment, views: Sequence[View]) -> float:
     return better_by(squares[known], noise[known])
 
 
-def _with_eight(
-    fit: Adjustment, views: Sequence[View], prior: Prior | None
+def _with(
+    lens: str, fit: Adjustment, views: Sequence[View], prior: Prior | None
 ) -> tuple[Adjustment, Prior]:
+    """The camera with another lens, from the ideal one of its kind."""
     (camera,) = fit.state.cameras
-    camera = replace(camera, lens=np.array(EQUIDISTANT))
+    terms, model = IDEAL[lens]
+    camera = replace(camera, lens=np.array(terms), model=model)
     start = RigState((camera,))
     held = lens_prior(start)
     if prior is not None:
-        held.information[: len(fit.free), : len(fit.free)] += prior.information
+        held.information[:4, :4] += prior.information[:4, :4]
     guesses = [guess_pose(camera, view.points, view.pixels[0]) for view in views]
     poses = [new or old for new, old in zip(guesses, fit.poses, strict=True)]
     free = np.ones(len(start.names), bool)
@@ -142,7 +150,7 @@ def lens_prior(state: RigState) -> Prior:
     They lie about those of the equidistant lens, or the lens would fold where no board was.
     """
     centre = tuple(
-        replace(camera, lens=np.array(EQUIDISTANT))
+        replace(camera, lens=np.array(ARC_TANGENT))
         if len(camera.lens) == RATIONAL_TERMS
         else camera
         for camera in state.cameras
