@@ -91,7 +91,7 @@ def choose_lens(
     # A bent board and blur leave more than noise, too: the lens has to explain some of it.
     own /= NOTICED**2 if five.adequate else 1.0
     told = []
-    for name in OTHERS:
+    for name in OTHERS if not five.adequate else (RATIONAL,):
         try:
             other, held = _with(name, flat, flat_views, prior)
             other_views = flat_views
