@@ -29,7 +29,7 @@ def dome_verdict(calibration: InterfaceCalibration, place: str) -> str:
     off = float(np.linalg.norm(dome.centre))
     spread = float(np.sqrt(np.trace(block)))
     words = (
-        f'The dome of {place.replace("_", " ")} is not worth estimating: its centre lies '
+        f'The dome of the {place.replace("_", " ")} is not worth estimating: its centre lies '
         f'{1000 * off:.1f} mm from the camera, +- {1000 * spread:.1f}'
     )
     moved = _moved(calibration, -calibration.covariance[:, own] @ pull)

@@ -28,7 +28,8 @@ def summarise_stereo(calibration: StereoCalibration) -> str:
 
 def summarise_interface(calibration: InterfaceCalibration) -> str:
     """The outcome of `calibrate interface`, for the terminal."""
-    words = [f'  {verdict.text}' for verdict in verdicts(calibration)]
+    # One sentence may be about several parameters, as a dome's centre is three.
+    words = list(dict.fromkeys(f'  {verdict.text}' for verdict in verdicts(calibration)))
     table = _table(interface_rows(calibration)) + _dropped(calibration.dropped)
     return '\n'.join([table, *words, f'Next: {advice(calibration)}'])
 
