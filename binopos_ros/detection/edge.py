@@ -42,7 +42,6 @@ from .terms import (
     MOTION,
     OUTSIDE,
     SHADED_TERMS,
-    SHADING,
     SHEAR,
     SLOPES,
     STRETCH,
@@ -356,8 +355,8 @@ class EdgeFit:
             return covariance
         # The shading is a series that ends here: what is left out is taken to be as large as the
         # last of what is in, by how far that shifts the centre.
-        shading = np.linalg.solve(self._inverse[SHADING, SHADING], self._solution[SHADING, 0])
-        shift = self._inverse[MOTION, SHADING] @ shading
+        last = np.linalg.solve(self._inverse[BENDS, BENDS], self._solution[BENDS, 0])
+        shift = self._inverse[MOTION, BENDS] @ last
         covariance += np.outer(shift, shift)
         return covariance
 

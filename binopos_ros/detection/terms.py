@@ -10,7 +10,7 @@ MOTION, STRETCH, SHEAR = slice(5, 7), slice(7, 9), 9
 SLOPES = slice(10, 14)
 FLAT_TERMS = 14
 DEPTH, TURNS, BENDS = 14, slice(15, 17), slice(17, 19)
-SHADING, SHADED_TERMS = slice(15, 19), 19
+SHADED_TERMS = 19
 BLURS, TERMS = slice(19, 21), 21
 
 # What is likely before the fit, as standard deviations (stretch as a share of the axes, blur in
@@ -19,7 +19,7 @@ LIKELY_STRETCH = 0.02
 LIKELY_BLUR = 0.2
 LIKELY_PROFILE = 0.05
 LIKELY_SLOPE = 0.05
-LIKELY_SHADE = 0.2
+LIKELY_SHADE = 0.3
 
 LIKELY, LIKELY_SLOPES = np.zeros(TERMS), np.zeros(TERMS)
 LIKELY[STRETCH] = LIKELY[SHEAR] = LIKELY_STRETCH**-2
