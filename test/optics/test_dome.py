@@ -92,6 +92,21 @@ def test_there_and_back_at_every_angle() -> None:
             np.testing.assert_allclose(again, pixels, atol=1e-9)
 
 
+def test_there_and_back_through_a_wall_behind_the_dome() -> None:
+    """Into air, too, where light is totally reflected beyond some angle."""
+    pixels = WIDE.project(sights(105))
+    for dome in domes(6):
+        for last in (AIR, WATER):
+            wall = FlatInterface((0.2, -0.15, 1.0), 0.4, (dome.target_index, GLASS, last), (0.02,))
+            rig = StereoRig(WIDE, WIDE, np.eye(3), BASELINE, wall, dome, dome)
+            (start, direction), _ = rig.back_project(pixels, pixels)
+            passes = np.isfinite(start).all(axis=1)
+            assert passes.sum() > 40
+            for distance in (1e-3, 1.0):
+                again, _ = rig.project(start + distance * direction)
+                np.testing.assert_allclose(again[passes], pixels[passes], atol=1e-9)
+
+
 def light_time(places: np.ndarray, dome: DomePort, point: np.ndarray) -> float:
     """Optical length of a path through places on both spheres, given by tangent coordinates."""
     spheres = place_on_spheres(places, dome, point)
