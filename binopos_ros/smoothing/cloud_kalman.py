@@ -144,16 +144,14 @@ class CloudKalmanFilter(Filter[_Memory]):
         )
         if medium is None:
             calm = 0.0 * free.certainty
-            return _Memory(memory.axes, free.ladder, memory.waves, calm, free.certainty)
+            return _Memory(memory.axes, free, memory.waves, calm, free.certainty)
         if memory.waves is None:
             begun = waves.start(measured, noise, medium)
-            return memory._replace(free=free.ladder, waves=begun, certainty=free.certainty)
+            return memory._replace(free=free, waves=begun, certainty=free.certainty)
         wavy = waves.correct(memory.waves, measured, noise, medium)
         rough = _roughness(noise, medium) * waves.believable(wavy.waves, noise, medium)
         certainty = free.certainty + rough * (wavy.certainty - free.certainty)
-        return memory._replace(
-            free=free.ladder, waves=wavy.waves, rough=rough, certainty=certainty
-        )
+        return _Memory(memory.axes, free, wavy.waves, rough, certainty)
 
     def _place(self, memory: _Memory) -> Array:
         place = ladder.mean_position(memory.free)

@@ -66,6 +66,8 @@ _NEW_INTERVAL, _LONGEST_RATIO = 0.1, 3.0
 _INTERVALS = (1e-6, 1e3)
 #: No rung is ever ruled out for good.
 _LEAST_WEIGHT = 1e-12
+#: Share of wrong positions right after a wrong one: they come in bursts.
+_AGAIN = 0.8
 #: What is near enough to a prediction to be taken without a question, in deviations.
 _NEAR = 4.0
 #: Wrong positions may lie anywhere from a deviation to ten thousand from the target, in each
@@ -144,6 +146,8 @@ class Ladder(NamedTuple):
         Time between frames (s); 0 until there were two.
     since : float or (...) array
         Time since the last measurement (s).
+    certainty : float or (...) array
+        Probability that this was the target's, not another thing's.
 
     """
 
@@ -152,6 +156,7 @@ class Ladder(NamedTuple):
     variance: Array
     interval: Number
     since: Number
+    certainty: Number
 
 
 def start(position: Array, variance: Array) -> Ladder:
@@ -162,14 +167,14 @@ def start(position: Array, variance: Array) -> Ladder:
     moments[..., WEIGHT, :, :] = 1.0 / RUNGS
     moments[..., PP, :, :] = own / RUNGS
     never = np.zeros(batch) if batch else 0.0
-    return Ladder(position, moments, own, never, never)
+    return Ladder(position, moments, own, never, never, 1.0 + never)
 
 
 def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
     """Return the bank `elapsed` seconds later."""
     if anywhere(ladder.interval == 0.0):
         ladder = _with_speeds(ladder, elapsed)
-    origin, moments, variance, interval, since = ladder
+    origin, moments, variance, interval, since, certainty = ladder
     batch = moments.shape[:-3]
     frames = elapsed / interval
     switch = np.exp(beside(frames, 1) * chain.rates).dot(chain.projections)
@@ -188,7 +193,8 @@ def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
     powers = vector((1.0 + 0.0 * elapsed, elapsed, elapsed * elapsed, *gained))
     motion = powers.dot(_MOTION).reshape(*batch, MOMENTS, MOMENTS + 1)
     moved = product(motion, mixed.reshape(*batch, MOMENTS + 1, 3 * RUNGS))
-    return Ladder(origin, moved.reshape(moments.shape), variance, interval, since + elapsed)
+    moved = moved.reshape(moments.shape)
+    return Ladder(origin, moved, variance, interval, since + elapsed, certainty)
 
 
 def _with_speeds(ladder: Ladder, elapsed: Seconds) -> Ladder:
@@ -202,29 +208,14 @@ def _with_speeds(ladder: Ladder, elapsed: Seconds) -> Ladder:
     return ladder._replace(moments=moments, interval=interval)
 
 
-class Reading(NamedTuple):
-    """What a measurement did to the bank.
-
-    Attributes
-    ----------
-    ladder : Ladder
-        After it.
-    certainty : float or (...) array
-        Probability that the position is the target's, not another thing's.
-
-    """
-
-    ladder: Ladder
-    certainty: Number
-
-
 def correct(
     ladder: Ladder, position: Array, variance: Array, wrong_share: float, acceleration: Number
-) -> Reading:
+) -> Ladder:
     """Return the bank after a position (..., 3) of that variance (..., 3) along the axes.
 
     A position further from the prediction than `acceleration` (...), m/s^2, could take the target
-    is weighed against one that is not the target's, of which there is a share of `wrong_share`.
+    is weighed against one that is not the target's, of which there is a share of `wrong_share`,
+    and more right after another one.
     """
     own = _for_rungs(variance)
     weights, total, *_ = _layers(ladder.moments)
@@ -243,7 +234,8 @@ def correct(
     within = 0.5 * acceleration * ladder.since * ladder.since
     doubt = None
     if anywhere((abs(x) > within) | (abs(y) > within) | (abs(z) > within)):
-        doubt = _doubt(weights, apart, pp, own, off - shift, within, wrong_share)
+        share = wrong_share + (1.0 - ladder.certainty) * (_AGAIN - wrong_share)
+        doubt = _doubt(weights, apart, pp, own, off - shift, within, share)
     certainty: Number = 1.0 + 0.0 * ladder.since
     if doubt is None:
         weights, _ = _weighed(weights, apart, expected)
@@ -266,8 +258,7 @@ def correct(
     ratio = larger(ladder.since / ladder.interval, 1.0 / _LONGEST_RATIO)
     interval = ladder.interval * smaller(ratio, _LONGEST_RATIO) ** _NEW_INTERVAL
     interval = smaller(larger(interval, _INTERVALS[0]), _INTERVALS[1])
-    read = Ladder(ladder.origin + shift, moments, own, interval, 0.0 * ladder.since)
-    return Reading(read, certainty)
+    return Ladder(ladder.origin + shift, moments, own, interval, 0.0 * ladder.since, certainty)
 
 
 def _doubt(
@@ -277,7 +268,7 @@ def _doubt(
     own: Array,
     off: Array,
     within: Number,
-    wrong_share: float,
+    wrong_share: Number,
 ) -> tuple[Array, Array, Array] | None:
     """Return the rungs' probabilities after a position that may be another thing's.
 

@@ -91,7 +91,7 @@ class Waves(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """What a measurement did to the filter: see :class:`binopos_ros.smoothing.ladder.Reading`."""
+    """What a measurement did to the filter, and the weight that it was taken with."""
 
     waves: Waves
     certainty: Number

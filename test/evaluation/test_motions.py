@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -96,6 +98,21 @@ def test_single_wrong_objects_hardly_move_the_pose():
         ratios.append(score(views, trial, run(make_filter('cloud-kalman'), trial)).ratio)
     assert np.median(ratios) < 1.0
     assert max(ratios) < 2.0
+
+
+def test_bursts_of_wrong_objects_cost_little_more_than_to_one_who_is_told_of_them():
+    ours, told = [], []
+    for kind in MOTIONS:
+        views = draw_views(kind, RIG, Conditions(wrong_share=0.05, frames=200), 0)
+        (trial,) = measure(RIG, [views])
+        ours.append(score(views, trial, run(make_filter('cloud-kalman'), trial)).pose)
+        right = np.where(views.wrong[:, None], np.nan, trial.positions)
+        track_told = run(make_filter('cloud-kalman'), dataclasses.replace(trial, positions=right))
+        told.append(score(views, trial, track_told).pose)
+    ratio = np.sort(np.divide(ours, told))
+    assert np.median(ratio) < 1.1
+    # Two small and quick motions take an object that is near for themselves.
+    assert ratio[-3] < 1.5
 
 
 @pytest.mark.parametrize('kind', MOTIONS)

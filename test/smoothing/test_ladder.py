@@ -73,7 +73,7 @@ def test_a_rung_by_itself_is_the_kalman_filter_of_its_index():
         # Far from the switches' prior, the rung keeps its own state but for a part in 20.
         peer.predict()
         peer.update(position[0])
-        now = ladder.correct(now, position, variance, 0.02, 50.0).ladder
+        now = ladder.correct(now, position, variance, 0.02, 50.0)
         now = alone(now)
     mean, covariance = ladder.moments(now)
     np.testing.assert_allclose(mean[0, 0], peer.x[0, 0], atol=3e-5)
