@@ -6,7 +6,7 @@ python bench/smoothing/speed.py
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import filterpy.kalman
 import numpy as np
@@ -16,8 +16,9 @@ from binopos_ros.smoothing import FILTERS, make_filter
 
 ROUNDS = 5
 PEER = 'filterpy predict + update'
+WAVES = 'cloud-kalman under waves'
 
-Step = tuple[float, np.ndarray, np.ndarray]
+Step = tuple[float, np.ndarray, np.ndarray] | tuple[float, np.ndarray, np.ndarray, np.ndarray]
 
 
 def main() -> None:
@@ -27,12 +28,17 @@ def main() -> None:
         (float(trial.stamps[number]), trial.positions[number], trial.covariances[number])
         for number in np.flatnonzero(np.isfinite(trial.positions[:, 0]))
     ]
-    seconds: dict[str, list[float]] = {name: [] for name in (PEER, *FILTERS)}
+    # As if the rays' miss had told of waves that double the deviation.
+    waving = [(stamp, place, 4.0 * noise, 3.0 * noise) for stamp, place, noise in steps]
+    runs: dict[str, tuple[Callable[[], Callable[..., object]], Sequence[Step]]] = {
+        PEER: (filterpy_step, steps),
+        WAVES: (lambda: make_filter('cloud-kalman').step, waving),
+        **{name: (lambda name=name: make_filter(name).step, steps) for name in FILTERS},
+    }
+    seconds: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(ROUNDS):
-        for name in seconds:
-            seconds[name] += timed(
-                filterpy_step() if name == PEER else make_filter(name).step, steps
-            )
+        for name, (start, taken) in runs.items():
+            seconds[name] += timed(start(), taken)
     # The lower quartile is a step that no other work on the machine got in the way of.
     typical = {name: float(np.percentile(taken, 25)) for name, taken in seconds.items()}
     print(f'{"filter":<28}{"us per step":>12}{"of filterpy":>13}')
@@ -40,14 +46,12 @@ def main() -> None:
         print(f'{name:<28}{1e6 * value:>12.1f}{value / typical[PEER]:>13.2f}')
 
 
-def timed(
-    step: Callable[[float, np.ndarray, np.ndarray], object], steps: list[Step]
-) -> list[float]:
+def timed(step: Callable[..., object], steps: Sequence[Step]) -> list[float]:
     """Return the seconds that each step takes: checks, prediction, update, state, covariance."""
     taken = []
-    for stamp, position, covariance in steps:
+    for measured in steps:
         began = time.perf_counter()
-        step(stamp, position, covariance)
+        step(*measured)
         taken.append(time.perf_counter() - began)
     return taken
 

@@ -170,14 +170,14 @@ def test_waves_of_a_basin_are_filtered_and_the_covariance_covers_what_is_left():
 
 
 @pytest.mark.parametrize('water', ['chop', 'swell', 'long chop', 'broadband'])
-def test_hardly_any_water_makes_poses_worse_and_most_of_what_it_does_is_covered(water):
+def test_no_water_makes_poses_worse_and_most_of_what_it_does_is_covered(water):
     found = []
     for seed in range(20):
         rig, views = draw_water(water, KINDS[seed % len(KINDS)], seed)
         found.append(score(views, *track(rig, views)))
-    # The known miss: one sequence of twenty, in swell and in long chop.
-    assert sum(each.ratio > 1.05 for each in found) <= 1
+    assert max(each.ratio for each in found) <= 1.05
     assert np.mean([each.inside for each in found]) >= 0.85
+    assert np.mean([each.normalised for each in found]) < 2.0
 
 
 @pytest.mark.parametrize('rate', [30.0, 15.0, 10.0, 5.0, 4.0, 3.0])
