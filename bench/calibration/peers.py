@@ -13,7 +13,9 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import cv2
@@ -100,7 +102,7 @@ def opencv(pairs: list[BoardPair]) -> Outcome:
 
 
 def with_mrcal(pairs: list[BoardPair]) -> Outcome:
-    """mrcal.optimize of lens, geometry and the board's deformation, and its uncertainties."""
+    """mrcal.optimize of lens, geometry and the board's deformation; J'J inverted for the rest."""
     import mrcal
 
     columns, rows = BOARD.shape
@@ -115,7 +117,7 @@ def with_mrcal(pairs: list[BoardPair]) -> Outcome:
     lens = 'LENSMODEL_OPENCV5'
     sizes = np.array([SIZE, SIZE], np.int32)
     start = np.tile([FOCAL, FOCAL, 639.5, 479.5], (2, 1)).astype(float)
-    stereographic = mrcal.seed_stereographic(
+    seed = mrcal.seed_stereographic(
         imagersizes=sizes,
         focal_estimate=np.array([FOCAL, FOCAL]),
         indices_frame_camera=indices[:, :2],
@@ -132,25 +134,36 @@ def with_mrcal(pairs: list[BoardPair]) -> Outcome:
         'calobject_warp': np.zeros(2),
         'verbose': False,
     }
-    names = ('extrinsics_rt_fromref', 'frames_rt_toref')
-    if mrcal.__version__ >= '2.5':
-        names = ('rt_cam_ref', 'rt_ref_frame')
-    inputs |= dict(zip(names, stereographic[1:], strict=True))
+    inputs |= {'rt_cam_ref': seed[1], 'rt_ref_frame': seed[2]}
     # The usual order: geometry with the core, then the lens, then the board's shape.
     for lens_free, warp_free in ((False, False), (True, False), (True, True)):
-        statistics = mrcal.optimize(
-            **inputs,
-            do_optimize_intrinsics_core=True,
-            do_optimize_intrinsics_distortions=lens_free,
-            do_optimize_extrinsics=True,
-            do_optimize_frames=True,
-            do_optimize_calobject_warp=warp_free,
-            do_apply_regularization=False,
-            do_apply_outlier_rejection=False,
-        )
-    focal = float(inputs['intrinsics'][0, 0])
-    baseline = float(np.linalg.norm(inputs[names[0]][0, 3:]))
-    return Outcome(focal, np.nan, baseline, np.nan) if statistics else Outcome(*[np.nan] * 4)
+        inputs |= {
+            'do_optimize_intrinsics_core': True,
+            'do_optimize_intrinsics_distortions': lens_free,
+            'do_optimize_extrinsics': True,
+            'do_optimize_frames': True,
+            'do_optimize_calobject_warp': warp_free,
+            'do_apply_regularization': False,
+            'do_apply_outlier_rejection': False,
+        }
+        mrcal.optimize(**inputs)
+    _, rest, jacobian, _ = mrcal.optimizer_callback(**inputs)
+    unit = np.ones(jacobian.shape[1])
+    mrcal.unpack_state(unit, **inputs)
+    variance = float(rest @ rest) / (len(rest) - len(unit))
+    covariance = variance * np.linalg.inv((jacobian.T @ jacobian).toarray())
+    covariance *= np.outer(unit, unit)
+    focal = mrcal.state_index_intrinsics(0, **inputs)
+    first = mrcal.state_index_extrinsics(0, **inputs) + 3
+    shift = inputs['rt_cam_ref'][0, 3:]
+    length = float(np.linalg.norm(shift))
+    spread = shift / length @ covariance[first : first + 3, first : first + 3] @ shift / length
+    return Outcome(
+        float(inputs['intrinsics'][0, 0]),
+        float(np.sqrt(covariance[focal, focal])),
+        length,
+        float(np.sqrt(spread)),
+    )
 
 
 def table(rigs: int) -> str:
@@ -159,12 +172,8 @@ def table(rigs: int) -> str:
         'binopos calibrate stereo': ours,
         f'OpenCV {cv2.__version__}': opencv,
     }
-    try:
-        import mrcal
-
-        programs[f'mrcal {mrcal.__version__}'] = with_mrcal
-    except ImportError:
-        pass
+    with suppress(PackageNotFoundError):
+        programs[f'mrcal {version("mrcal")}'] = with_mrcal
     lines = [
         f'{rigs} rigs, {VIEWS} views of the {BOARD}, {NOISE} px in a coordinate',
         '| board | | focal length (px) | stated | baseline (mm) | stated | s |',
