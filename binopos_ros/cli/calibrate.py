@@ -38,6 +38,7 @@ from binopos_ros.calibration.views.pairs import BoardPair, Dropped
 from binopos_ros.calibration.views.sources import Pictures, folder_pair
 from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.calibrate_arguments import add_arguments
+from binopos_ros.cli.calibrate_camera import calibrate_one
 from binopos_ros.cli.calibrate_report import report
 from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
 from binopos_ros.cli.config import parameters_of
@@ -63,6 +64,8 @@ NOT_HOLDING = 1
 def main(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     kinds = {'stereo': _stereo, 'interface': _interface, 'check': _check, 'report': report}
+    if arguments.what == 'camera':
+        return calibrate_one(arguments, _board_of(arguments))
     return kinds[arguments.what](arguments)
 
 

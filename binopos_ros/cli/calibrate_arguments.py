@@ -8,6 +8,7 @@ from pathlib import Path
 from binopos_ros.calibration.cameras.lens import AUTO, LENSES
 from binopos_ros.calibration.cameras.stereo import MOST_VIEWS
 from binopos_ros.calibration.views.board import CHESSBOARD, KINDS
+from binopos_ros.cli.calibrate_camera import add_camera_arguments
 from binopos_ros.cli.calibrate_report import add_report_arguments
 from binopos_ros.cli.config import add_config_argument
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments
@@ -49,6 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=('LEFT', 'RIGHT'),
         help='camera names for the files',
     )
+
+    camera = kinds.add_parser('camera', help='one camera alone, in air')
+    add_camera_arguments(camera)
+    _add_board(camera)
+    _add_output(camera, Path('calibration'), 'calibration')
 
     interface = kinds.add_parser(
         'interface', help='the surface or the ports, from pictures through them'

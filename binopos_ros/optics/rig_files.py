@@ -75,6 +75,12 @@ def camera_infos_from_stereo(
     )
 
 
+def camera_info_alone(camera: PinholeCamera, name: str) -> CameraInfo:
+    """Return the calibration of a camera that belongs to no rig: nothing to rectify."""
+    projection = np.column_stack([camera.matrix, np.zeros(3)])
+    return _camera_info(name, camera, np.eye(3), projection)
+
+
 def interface_block(
     place: str, interface: Interface, remarks: Mapping[str, str] | None = None
 ) -> list[str]:

@@ -150,6 +150,26 @@ def test_impossible_reports_are_one_line(
     assert line in line_of(words(f'calibrate report {{cal}} {more}', cal=calibrated), capsys)
 
 
+def test_each_camera_alone_then_both_together(
+    samples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """From seven real pairs: the published focal length and baseline."""
+    for side in ('left', 'right'):
+        (tmp_path / side).mkdir()
+        for path in sorted(samples.glob(f'{side}0[1-7].jpg')):
+            (tmp_path / side / path.name).write_bytes(path.read_bytes())
+        line = 'calibrate camera {at}/{side} --square 0.025 --side {side} -o {at}/own'
+        assert main(words(line, at=tmp_path, side=side)) == 0
+    assert 'right lens' in capsys.readouterr().out
+    left = read_camera_info(tmp_path / 'own' / 'left.yaml')
+    assert left.k[0] == pytest.approx(532.83, rel=1e-2)
+    line = 'calibrate stereo {at} --square 0.025 --intrinsics {at}/own -o {at}/both'
+    assert main(words(line, at=tmp_path)) == 0
+    infos = [read_camera_info(tmp_path / 'both' / f'{side}.yaml') for side in ('left', 'right')]
+    translation = stereo_from_camera_infos(*infos)[3]
+    assert np.linalg.norm(translation) == pytest.approx(3.3273 * 0.025, rel=0.01)
+
+
 def test_intrinsics_first_then_only_the_pose(
     world: Path, calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -242,6 +262,8 @@ def line_of(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         ('calibrate stereo {tmp} --square 0.025', 'no left pictures'),
         ('calibrate interface --calibration {tmp}', 'holds no left.yaml'),
         ('calibrate check {tmp}/none', 'none'),
+        ('calibrate camera {tmp}/none --square 0.025', 'is no folder of pictures'),
+        ('calibrate camera {tmp} --square 0.025', 'no picture of'),
     ],
 )
 def test_bad_input_is_one_line(

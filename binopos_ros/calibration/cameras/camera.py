@@ -28,7 +28,7 @@ class CameraFit:
 
     Attributes:
         adjustment: with the views' poses in this camera's frame.
-        views: those that took part, in order.
+        views: those that took part, in order, with the board as it is bent.
         outlying: name -> why, of views that fit much worse than the others.
         lens: which, and why.
     """
@@ -96,7 +96,8 @@ def calibrate_camera(
     choice = LensChoice(None, 'five terms')
     # Flat boards determine no lens: they are refused for that, and at once.
     if lens is not None and _tilt(fit) >= LEAST_TILT:
-        fit, choice = choose_lens(fit, own, lens, prior)
+        fit, used, choice = choose_lens(fit, own, lens, prior)
+        own = list(used)
     return CameraFit(fit, tuple(own), _outlying(fit, own), choice)
 
 

@@ -58,8 +58,9 @@ class LensChoice:
 
 def choose_lens(
     fit: Adjustment, views: Sequence[View], lens: str, prior: Prior | None = None
-) -> tuple[Adjustment, LensChoice]:
-    """The adjustment of one camera with the lens that its views ask for.
+) -> tuple[Adjustment, Sequence[View], LensChoice]:
+    """The adjustment of one camera with the lens that its views ask for, and the views with the
+    board as it is bent.
 
     Args:
         fit: with five terms; views: all that were seen, good or bad.
@@ -76,16 +77,17 @@ def choose_lens(
     five = adequacy(fit, views, 0)
     chance = f'p = {five.probability:.2g}'
     if lens == BROWN:
-        return fit, LensChoice(five, f'five terms, as asked ({chance} of chance residuals)')
+        return fit, views, LensChoice(five, f'five terms, as asked ({chance} of chance residuals)')
     above_noise = _above_noise(fit, views)
     if lens == AUTO and five.adequate and above_noise < BETTER:
         text = f'five terms are adequate ({chance} of chance residuals)'
-        return fit, LensChoice(five, text)
+        return fit, views, LensChoice(five, text)
     lead = f'five terms leave systematic residuals ({chance})'
     if five.adequate:
         lead = f"five terms leave more than the corners' noise ({above_noise:.1f} standard errors)"
     if lens in OTHERS:
-        return _with(lens, flat, flat_views, prior)[0], LensChoice(five, f'{lens}, as asked')
+        other = _with(lens, flat, flat_views, prior)[0]
+        return other, flat_views, LensChoice(five, f'{lens}, as asked')
     # Judged by the views that they were fitted to five look too good: where they lose, they lose.
     own = np.array([fit.rms(view=i) ** 2 for i in range(len(views))])
     # A bent board and blur leave more than noise, too: the lens has to explain some of it.
@@ -108,9 +110,10 @@ def choose_lens(
         old, new = np.sqrt(before.mean()), np.sqrt(after.mean())
         change = f'RMS {old:.3f} -> {new:.3f} px held out, {score:.1f} standard errors'
         if score >= BETTER:
-            return other, LensChoice(five, f'{lead}: {LENS_WORDS[name]} ({change})')
+            words = f'{lead}: {LENS_WORDS[name]} ({change})'
+            return other, other_views, LensChoice(five, words)
         told.append(f'{LENS_WORDS[name]} is no better ({change})')
-    return fit, LensChoice(five, f'{lead}, but {", and ".join(told)}')
+    return fit, views, LensChoice(five, f'{lead}, but {", and ".join(told)}')
 
 
 def _above_noise(fit: Adjustment, views: Sequence[View]) -> float:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from binopos_ros.calibration.cameras.alone import CameraCalibration
 from binopos_ros.calibration.cameras.given import GivenCameras
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
@@ -20,7 +21,11 @@ from binopos_ros.optics.covariance_file import (
     read_covariance,
     write_covariance,
 )
-from binopos_ros.optics.rig_files import camera_infos_from_stereo, interface_block
+from binopos_ros.optics.rig_files import (
+    camera_info_alone,
+    camera_infos_from_stereo,
+    interface_block,
+)
 from binopos_ros.optics.rig_state import TARGET_INDEX, Camera, RigState
 from binopos_ros.sides import SIDES
 
@@ -54,6 +59,16 @@ def write_stereo(
     path = folder / COVARIANCE_FILE
     write_covariance(path, state, covariance)
     return [*paths, path]
+
+
+def write_camera(folder: Path, side: str, calibration: CameraCalibration) -> list[Path]:
+    """Write SIDE.yaml and SIDE_covariance.yaml of a camera alone; the paths, in this order."""
+    _make_folder(folder)
+    paths = [folder / f'{side}.yaml', folder / f'{side}_{COVARIANCE_FILE}']
+    write_camera_info(paths[0], camera_info_alone(calibration.camera.pinhole(), side))
+    fit = calibration.adjustment
+    write_covariance(paths[1], fit.state, fit.covariance)
+    return paths
 
 
 def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Path]:
@@ -126,8 +141,9 @@ def read_intrinsics(folder: Path) -> GivenCameras:
     count = len(first.names)
     matrix = np.zeros((count + len(second.names),) * 2)
     matrix[:count, :count], matrix[count:, count:] = first.matrix, second.matrix
-    both = ParameterCovariance((*first.names, *second.names), matrix)
-    return GivenCameras((left, right), both)
+    # A camera alone is its rig's first.
+    names = [name.replace(f'{SIDES[0]}.', f'{SIDES[1]}.') for name in second.names]
+    return GivenCameras((left, right), ParameterCovariance((*first.names, *names), matrix))
 
 
 def _refuse_missing(folder: Path, otherwise: str = '') -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from binopos_ros.calibration.adjustment.adjust import Adjustment
+from binopos_ros.calibration.cameras.alone import CameraCalibration
 from binopos_ros.calibration.cameras.stereo import StereoCalibration, seen_by_both
 from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
 from binopos_ros.calibration.report.quality import board_in_words, concerns
@@ -24,6 +25,26 @@ def summarise_stereo(calibration: StereoCalibration) -> str:
     """The outcome of `calibrate stereo`, for the terminal."""
     table = _table(stereo_rows(calibration)) + _dropped(calibration.dropped)
     return '\n'.join([table, *(f'WARNING: {one}' for one in concerns(calibration))])
+
+
+def summarise_camera(calibration: CameraCalibration, side: str) -> str:
+    """The outcome of `calibrate camera`, for the terminal."""
+    fit, camera = calibration.adjustment, calibration.camera
+    focal = fit.deviation('left.fx')
+    centre = max(fit.deviation('left.cx'), fit.deviation('left.cy'))
+    rows = [
+        ('views used', str(len(calibration.views))),
+        (f'{side} lens', calibration.lens.text),
+        ('focal length', f'{camera.focal[0]:.2f}, {camera.focal[1]:.2f} px (+- {focal:.2f})'),
+        (
+            'principal point',
+            f'{camera.centre[0]:.2f}, {camera.centre[1]:.2f} px (+- {centre:.2f})',
+        ),
+        ('reprojection RMS', f'{fit.rms():.3f} px'),
+        ('corner noise', _noise(fit)),
+        ('held-out RMS', f'{calibration.held_out.rms:.3f} px'),
+    ]
+    return _table(rows) + _dropped(calibration.dropped)
 
 
 def summarise_interface(calibration: InterfaceCalibration) -> str:
