@@ -259,7 +259,7 @@ def positive(value: float, what: str) -> float:
 
 def clear_index(value: float, place: int) -> float:
     """Return the refractive index of a clear medium, or say that there is none such."""
-    if not (math.isfinite(value) and LEAST_INDEX <= value <= GREATEST_INDEX):
+    if not (math.isfinite(value) and LEAST_INDEX < value <= GREATEST_INDEX):
         msg = f'indices[{place}] = {value:g} is no refractive index of a clear medium (1 to 4)'
         raise OpticsError(msg)
     return float(value)
