@@ -91,6 +91,11 @@ class Pipeline:
         """Where the rig is in the fixed frame."""
         return self._platform
 
+    @property
+    def caution(self) -> str:
+        """What makes positions worse than they look; '' for nothing."""
+        return self._triangulator.caution
+
     def set_camera(self, side: str, info: CameraInfo) -> None:
         """Take a camera's calibration.
 

@@ -23,7 +23,7 @@ from binopos_ros.calibration.interface.calibrate import calibrate_interface
 from binopos_ros.calibration.interface.guesses import InterfaceGuess
 from binopos_ros.calibration.views.board import Board
 from binopos_ros.calibration.views.gather import find_boards
-from binopos_ros.calibration.views.sources import PicturePair
+from binopos_ros.calibration.views.pictures import PicturePair
 from binopos_ros.calibration.views.view import View
 from binopos_ros.cli import main as binopos
 from binopos_ros.cli.calibration_bags import open_pictures
@@ -90,7 +90,7 @@ def stereo_table(folder: Path) -> str:
 def ours(pictures: tuple[PicturePair, ...], focal: float, baseline: float) -> Row:
     """`binopos calibrate stereo`, cross-validation and lens test included."""
     start = time.perf_counter()
-    pairs, sizes = find_boards(pictures, BOARD)
+    pairs, sizes, _ = find_boards(pictures, BOARD)
     result = calibrate_stereo(pairs, BOARD, sizes)
     seconds = time.perf_counter() - start
     length = float(np.linalg.norm(result.state.translation))

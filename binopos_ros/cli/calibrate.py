@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from binopos_ros.calibration.cameras.rigidity import FEWEST_PAIRS
@@ -32,16 +33,18 @@ from binopos_ros.calibration.report.page import interface_report, stereo_report
 from binopos_ros.calibration.report.summary import summarise_interface, summarise_stereo
 from binopos_ros.calibration.views.balls import CENTRE_PER_COORDINATE, ball_view
 from binopos_ros.calibration.views.board import Board, parse_size
-from binopos_ros.calibration.views.gather import find_boards
+from binopos_ros.calibration.views.gather import Gathered, find_boards
 from binopos_ros.calibration.views.other_board import refuse_other_board
 from binopos_ros.calibration.views.pairs import BoardPair, Dropped
-from binopos_ros.calibration.views.sources import Pictures, folder_pair
+from binopos_ros.calibration.views.pictures import Pictures
+from binopos_ros.calibration.views.sources import folder_pair
 from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.calibrate_arguments import add_arguments
 from binopos_ros.cli.calibrate_camera import calibrate_one
 from binopos_ros.cli.calibrate_report import report
 from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
 from binopos_ros.cli.config import parameters_of
+from binopos_ros.cli.convert_calibration import convert
 from binopos_ros.cli.fixed_target import fixed_target_text
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.stereo_topics import choice_of
@@ -63,10 +66,24 @@ NOT_HOLDING = 1
 
 def main(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
-    kinds = {'stereo': _stereo, 'interface': _interface, 'check': _check, 'report': report}
+    _quieten_opencv()
     if arguments.what == 'camera':
         return calibrate_one(arguments, _board_of(arguments))
+    kinds = {
+        'stereo': _stereo,
+        'interface': _interface,
+        'check': _check,
+        'report': report,
+        'convert': convert,
+    }
     return kinds[arguments.what](arguments)
+
+
+def _quieten_opencv() -> None:
+    """Keep OpenCV from printing of its own about pictures in which it finds no marker."""
+    logging = getattr(getattr(cv2, 'utils', None), 'logging', None)
+    if logging is not None:
+        logging.setLogLevel(logging.LOG_LEVEL_ERROR)
 
 
 def _stereo(arguments: argparse.Namespace) -> int:
@@ -103,7 +120,8 @@ def _interface(arguments: argparse.Namespace) -> int:
             'another folder'
         )
     guesses = _guesses_of(arguments)
-    sigma = None
+    sigma: float | None = None
+    left_out: Sequence[Dropped] = ()
     if arguments.target_diameter is not None:
         views, sigma = _ball_views(arguments, air)
     elif arguments.source is None and not arguments.left and not arguments.live:
@@ -120,7 +138,7 @@ def _interface(arguments: argparse.Namespace) -> int:
                 found.state, found.covariance, fit.free, fit.effective_sigma, fit.poses
             )
 
-        pairs, sizes, _ = _views_of(arguments, board, solve)
+        pairs, sizes, left_out = _views_of(arguments, board, solve)
         _same_size(sizes, air)
         views = [pair.view(board) for pair in pairs if pair.complete]
         if not views:
@@ -130,6 +148,8 @@ def _interface(arguments: argparse.Namespace) -> int:
     calibration = calibrate_interface(air, views, guesses, covariance, sigma=sigma)
     paths = write_interface(output, calibration)
     print(summarise_interface(calibration))
+    for one in left_out:
+        print(f'  {one}')
     paths.append(interface_report(output, calibration))
     _print_paths(paths)
     return 0
@@ -220,7 +240,9 @@ def _board_of(arguments: argparse.Namespace) -> Board:
 
 def _pictures_of(arguments: argparse.Namespace) -> Pictures:
     if arguments.source is not None:
-        return open_pictures(arguments.source, arguments.interval, choice_of(arguments))
+        return open_pictures(
+            arguments.source, arguments.interval, choice_of(arguments), arguments.layout
+        )
     if not arguments.left or not arguments.right:
         raise CalibrationError('no pictures: give SOURCE, or --left DIR and --right DIR')
     return folder_pair(Path(arguments.left), Path(arguments.right))
@@ -229,11 +251,12 @@ def _pictures_of(arguments: argparse.Namespace) -> Pictures:
 def _views_of(
     arguments: argparse.Namespace, board: Board, solve: Solve
 ) -> tuple[Sequence[BoardPair], Sizes, Sequence[Dropped]]:
-    """The board in all pairs, the pictures' sizes, and pictures without a partner."""
+    """The board in all pairs, the pictures' sizes, and pictures that are left out."""
     if arguments.live:
         return (*_taken_live(arguments, board, solve), ())
     pictures = _pictures_of(arguments)
-    return (*_search(pictures, board, arguments.window), pictures.unmatched)
+    pairs, sizes, dropped = _search(pictures, board, arguments.window)
+    return pairs, sizes, (*pictures.unmatched, *dropped)
 
 
 def _taken_live(
@@ -272,11 +295,11 @@ def _taken_live(
     return session.pairs, session.guidance.sizes
 
 
-def _search(pictures: Pictures, board: Board, window: int | None) -> tuple[list[BoardPair], Sizes]:
+def _search(pictures: Pictures, board: Board, window: int | None) -> Gathered:
     with progress('searching for the board', len(pictures.pairs)) as tick:
-        pairs, sizes = find_boards(pictures.pairs, board, window, tick)
-    refuse_other_board(pictures.pairs, pairs, board, FEWEST_PAIRS)
-    return pairs, sizes
+        found = find_boards(pictures.pairs, board, window, tick)
+    refuse_other_board(pictures.pairs, found.pairs, board, FEWEST_PAIRS)
+    return found
 
 
 def _same_size(sizes: Sizes, air: RigState) -> None:

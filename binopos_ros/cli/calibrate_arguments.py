@@ -8,9 +8,11 @@ from pathlib import Path
 from binopos_ros.calibration.cameras.lens import AUTO, LENSES
 from binopos_ros.calibration.cameras.stereo import MOST_VIEWS
 from binopos_ros.calibration.views.board import CHESSBOARD, KINDS
+from binopos_ros.calibration.views.packed import LAYOUTS
 from binopos_ros.cli.calibrate_camera import add_camera_arguments
 from binopos_ros.cli.calibrate_report import add_report_arguments
 from binopos_ros.cli.config import add_config_argument
+from binopos_ros.cli.convert_calibration import add_convert_arguments
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments
 from binopos_ros.sides import SIDES
 from binopos_ros.triangulation.options import DOME, FLAT
@@ -135,6 +137,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_report_arguments(
         kinds.add_parser('report', help='how accurate the rig is, over its working volume')
     )
+    add_convert_arguments(
+        kinds.add_parser('convert', help='calibration files between ROS, kalibr and OpenCV')
+    )
 
 
 def _add_source(parser: argparse.ArgumentParser) -> None:
@@ -143,8 +148,8 @@ def _add_source(parser: argparse.ArgumentParser) -> None:
         type=Path,
         nargs='?',
         metavar='SOURCE',
-        help='folder with left* and right* pictures or sub-folders left and right, a list of '
-        'pairs, or a bag',
+        help='folder with left* and right* pictures or a sub-folder for each side, a list of '
+        "pairs, a bag, a video, or the archive that ROS's calibrator saves",
     )
     for side in SIDES:
         parser.add_argument(
@@ -160,7 +165,12 @@ def _add_source(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.5,
         metavar='S',
-        help='from a bag, take pairs at least this far apart (default: 0.5 s)',
+        help='from a bag or a video, take pairs at least this far apart (default: 0.5 s)',
+    )
+    parser.add_argument(
+        '--layout',
+        choices=LAYOUTS,
+        help='each picture of the folder or video shows both views like this',
     )
 
 

@@ -24,8 +24,16 @@ from binopos_ros.bag.messages import (
 )
 from binopos_ros.bag.rig_topics import BOTH, RigTopics, Role, TopicChoice
 from binopos_ros.calibration.errors import CalibrationError
+from binopos_ros.calibration.views.packed import (
+    is_archive,
+    is_video,
+    open_archive,
+    open_halves,
+    open_video,
+)
 from binopos_ros.calibration.views.pairs import Dropped
-from binopos_ros.calibration.views.sources import PicturePair, Pictures, grey_picture, open_files
+from binopos_ros.calibration.views.pictures import PicturePair, Pictures, grey_picture
+from binopos_ros.calibration.views.sources import open_files
 from binopos_ros.calibration.views.targets import Blob, TargetPair
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.recorded_calibration import calibrations
@@ -39,15 +47,18 @@ CENTROID = 'centroid'
 
 
 def open_pictures(
-    source: Path, interval: float = 0.0, choice: TopicChoice | None = None
+    source: Path,
+    interval: float = 0.0,
+    choice: TopicChoice | None = None,
+    layout: str | None = None,
 ) -> Pictures:
-    """Pairs from a folder of pictures, a list of them, or a bag.
+    """Pairs from a folder of pictures, a list of them, an archive, a video, or a bag.
 
     Args:
-        source: a folder with left* and right* files or with sub-folders left and right; a text
-            file with two paths per line; an OpenCV XML image list, left and right by turns; a bag.
-        interval: of a bag, take pairs at least this far apart (s).
+        source: as `open_files`, `open_archive` and `open_video` take it; or a bag.
+        interval: of a bag or a video, take pairs at least this far apart (s).
         choice: which of a bag's topics are the rig's; None: found by their names.
+        layout: how a picture shows both views, where it does.
 
     Raises:
         CalibrationError: nothing there, or nothing that makes pairs.
@@ -57,7 +68,11 @@ def open_pictures(
         raise CalibrationError(f'{source} does not exist: give a folder, a list or a bag')
     if is_bag(source):
         return _from_bag(source, interval, choice)
-    return open_files(source)
+    if is_video(source):
+        return open_video(source, interval, layout)
+    if is_archive(source):
+        return open_archive(source)
+    return open_halves(source, layout) if layout and source.is_dir() else open_files(source)
 
 
 def is_bag(source: Path) -> bool:
@@ -167,8 +182,9 @@ def _detected(bag: Path, choice: TopicChoice | None) -> Iterator[TargetPair]:
 def _from_bag(path: Path, interval: float, choice: TopicChoice | None) -> Pictures:
     pairs: list[PicturePair] = []
     unmatched: list[Dropped] = []
-    last = -1e18
+    last, stamped = -1e18, False
     for outcome in _paired_images(path, choice):
+        stamped |= (outcome.left[0] if isinstance(outcome, Pair) else outcome.stamp) != 0
         if not isinstance(outcome, Pair):
             unmatched.append(
                 Dropped(f'{outcome.side} picture at {outcome.stamp / 1e9:.3f}', outcome.reason)
@@ -179,6 +195,12 @@ def _from_bag(path: Path, interval: float, choice: TopicChoice | None) -> Pictur
             continue
         last = stamp / 1e9
         pairs.append(PicturePair(f'{stamp / 1e9:.3f}', left.grey, right.grey))
+    if not stamped and (pairs or unmatched):
+        raise CalibrationError(
+            f'{path}: the stamps of all pictures are 0: the driver of the cameras sets none, and '
+            'without them nothing tells which pictures are a pair; set the driver up, or save '
+            'pictures and give their folder'
+        )
     if not pairs:
         reason = f'; {unmatched[0]}' if unmatched else ''
         raise CalibrationError(

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from binopos_ros.node_options import NAMESPACE, Parameters
-from binopos_ros.optics import CameraInfo, read_camera_info, stereo_from_camera_infos
+from binopos_ros.optics import CameraInfo, stereo_from_camera_infos
+from binopos_ros.optics.camera_info_files import read_pair
 from binopos_ros.parameters import ParameterError
 from binopos_ros.sides import SIDES
 
@@ -31,8 +32,9 @@ def add_calibration_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--calibration',
         type=Path,
-        metavar='DIR',
-        help="folder with left.yaml and right.yaml, in the place of the bag's camera_info",
+        metavar='DIR|FILE',
+        help='folder with left.yaml and right.yaml, or a file with both cameras (kalibr, OpenCV, '
+        "ost.txt), in the place of the bag's camera_info",
     )
 
 
@@ -42,21 +44,24 @@ def calibration_of(arguments: argparse.Namespace) -> dict[str, CameraInfo]:
     Raises:
         OpticsError: a file cannot be read.
     """
-    if arguments.calibration is None:
+    given = arguments.calibration
+    if given is None:
         return {}
-    return calibration_in(*(arguments.calibration / f'{side}.yaml' for side in SIDES))
+    return calibration_in(*([given] if given.is_file() else (given / f'{s}.yaml' for s in SIDES)))
 
 
-def calibration_in(left: Path, right: Path) -> dict[str, CameraInfo]:
-    """The calibrations in two files, by side.
+def calibration_in(*paths: Path) -> dict[str, CameraInfo]:
+    """The calibrations in a file of both cameras, or in two files, by side.
 
     Raises:
         OpticsError: a file cannot be read, or the two make no rig.
     """
-    found = {'left': read_camera_info(left), 'right': read_camera_info(right)}
+    found = read_pair(paths)
     # What does not make a rig is refused before anything is played.
-    stereo_from_camera_infos(found['left'], found['right'])
-    return found
+    stereo_from_camera_infos(*found)
+    for line in (line for info in found for line in info.contradictions()):
+        print(f'binopos: {line}', file=sys.stderr)
+    return dict(zip(SIDES, found, strict=True))
 
 
 def calibration_beside(bag: Path) -> tuple[()] | tuple[Path, Path]:

@@ -17,7 +17,8 @@ from binopos_ros.capture.usb import Camera
 from binopos_ros.cli import machine
 from binopos_ros.cli.config import add_config_argument, parameters_of
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
-from binopos_ros.optics.camera_info_url import check_pair, name_fault, read_calibration
+from binopos_ros.optics import stereo_contradictions, stereo_from_camera_infos
+from binopos_ros.optics.camera_info_url import name_fault, read_calibration
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.parameters import build
 from binopos_ros.sides import SIDES
@@ -144,9 +145,12 @@ def calibration(options: CaptureOptions, reached: Mapping[str, Reached]) -> Iter
     if len(infos) < len(SIDES):
         return
     try:
-        check_pair(infos['left'], infos['right'])
+        *_, translation = stereo_from_camera_infos(infos['left'], infos['right'])
     except OpticsError as error:
         yield Finding(FAULT, 'calibration', str(error))
+        return
+    if exchanged := stereo_contradictions(infos['left'], infos['right']):
+        yield from (Finding(FAULT, 'calibration', line) for line in exchanged)
         return
     serials = {side: one.camera.serial for side, one in reached.items() if one.camera is not None}
     faults = [
@@ -156,7 +160,7 @@ def calibration(options: CaptureOptions, reached: Mapping[str, Reached]) -> Iter
     for fault in filter(None, faults):
         yield Finding(FAULT, 'calibration', fault)
     if not any(faults):
-        baseline = -infos['right'].p[3] / infos['right'].p[0]
+        baseline = math.hypot(*translation)
         yield Finding(OK, 'calibration', f'both present, baseline {baseline:.4g} m')
 
 

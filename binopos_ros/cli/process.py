@@ -140,8 +140,14 @@ def process_one(arguments: argparse.Namespace) -> Report:
         report.fixed_frame = pipeline.platform.options.fixed_frame
         topics = with_platform(topics, reader, pipeline.platform.source, arguments.remap)
         for side in SIDES:
-            info = calibration.get(side) or next(calibrations(reader, topics, side))
+            info = calibration.get(side)
+            if info is None:
+                info = next(calibrations(reader, topics, side))
+                for line in info.contradictions():
+                    report.note(line)
             pipeline.set_camera(side, info)
+        if pipeline.caution:
+            report.note(pipeline.caution)
         bag = stack.enter_context(written(arguments.output, arguments.force))
         writer = stack.enter_context(BagWriter(bag))
         output = Output(writer, topics.namespace)

@@ -134,6 +134,7 @@ class RigBag:
         except ValueError as error:
             self.notes.append(f'a camera_info of the {side} camera is left out: {error}')
             return b''
+        self.notes += info.contradictions()
         if not self._found.rectified:
             return record.data[messages.STAMP_END :]
         own = messages.camera_info(messages.stamp_of(message), str(message.header.frame_id), info)

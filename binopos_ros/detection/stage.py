@@ -36,8 +36,8 @@ class CameraStage:
             OpticsError: the calibration cannot be used.
         """
         if info != self._info:
-            self._info = info
             self._size = info.camera().size
+            self._info = info
 
     def prepare(self, image: JpegImage | RawImage, ahead: int = 1) -> Frame | DetectionError:
         """The frame of an image, or why there is none; for use in threads.

@@ -17,7 +17,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from binopos_ros.bag.messages import stamp_of
 from binopos_ros.calibration.live.session import LiveSession
-from binopos_ros.calibration.views.sources import grey_picture
+from binopos_ros.calibration.views.pictures import grey_picture
 from binopos_ros.detection.images import image_of
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.shell import StageNode

@@ -32,14 +32,16 @@ from binopos_ros.capture.rig import BOTH, CaptureRig
 from binopos_ros.capture.stream import Frame, copied
 from binopos_ros.capture.usb import Camera, find_cameras
 from binopos_ros.capture.v4l2 import Format
+from binopos_ros.nodes.calibration_services import offer_calibration_services
 from binopos_ros.nodes.camera_controls import ControlParameters
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.messages import header
 from binopos_ros.nodes.shell import StageNode
 from binopos_ros.nodes.transforms import offer_right_under_left
 from binopos_ros.optics.camera_info import CameraInfo as Calibration
+from binopos_ros.optics.camera_info import stereo_contradictions, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_message import camera_info_fields
-from binopos_ros.optics.camera_info_url import check_pair, name_fault, read_calibration
+from binopos_ros.optics.camera_info_url import name_fault, read_calibration
 from binopos_ros.sides import SIDES
 
 WATCH_PERIOD = 0.2
@@ -77,6 +79,12 @@ class CameraNode(StageNode):
             self._controls.attach(side, camera)
         self._make_publishers(options)
         self._diagnostics = StageDiagnostics(self, self._hardware_id(), self._details)
+        for side, calibration in self._calibrations.items():
+            self._diagnostics.caution(side, '; '.join(calibration.contradictions()))
+        self._judge_pair()
+        offer_calibration_services(
+            self, urls_of(options), options.view_size, self._calibrations, self._take_calibration
+        )
         self.create_service(SetBool, 'start_capture', partial(self._on_capture, start=True))
         self.create_service(SetBool, 'stop_capture', partial(self._on_capture, start=False))
         self.every(WATCH_PERIOD, self._watch)
@@ -91,14 +99,13 @@ class CameraNode(StageNode):
         self._options = options
 
     def _read_calibrations(self, options: CaptureOptions) -> dict[str, Calibration]:
-        urls = {'left': options.left.camera_info_url, 'right': options.right.camera_info_url}
         found = {
             side: read_calibration(side, url, options.view_size)
-            for side, url in urls.items()
+            for side, url in urls_of(options).items()
             if url
         }
         if len(found) == len(SIDES):
-            check_pair(found['left'], found['right'])
+            stereo_from_camera_infos(found['left'], found['right'])
         for side in SIDES:
             if side not in found:
                 self.get_logger().warning(
@@ -117,17 +124,38 @@ class CameraNode(StageNode):
         self._images: dict[str, Publisher] = {
             side: image(f'{side}/image_raw{suffix}') for side in SIDES
         }
-        self._infos: dict[str, tuple[Publisher, CameraInfo]] = {
-            side: (
-                self.publisher(CameraInfo, f'{side}/camera_info'),
-                CameraInfo(**camera_info_fields(calibration, RegionOfInterest)),
-            )
-            for side, calibration in self._calibrations.items()
-        }
+        self._infos: dict[str, tuple[Publisher, CameraInfo]] = {}
+        for side, calibration in self._calibrations.items():
+            self._publish_with(side, calibration)
         self._frame_ids = {'left': options.left.frame_id, 'right': options.right.frame_id}
         if options.publish_tf:
             frames = options.left.frame_id, options.right.frame_id
             self._frames = offer_right_under_left(self, frames, self._calibrations)
+
+    def _publish_with(self, side: str, calibration: Calibration) -> None:
+        """Send this calibration along with the images of a side from now on."""
+        known = self._infos.get(side)
+        publisher = known[0] if known else self.publisher(CameraInfo, f'{side}/camera_info')
+        info = CameraInfo(**camera_info_fields(calibration, RegionOfInterest))
+        self._infos[side] = publisher, info
+
+    def _take_calibration(self, side: str, calibration: Calibration) -> None:
+        self._calibrations[side] = calibration
+        self._publish_with(side, calibration)
+        self._diagnostics.caution(side, '; '.join(calibration.contradictions()))
+        self._judge_pair()
+
+    def _judge_pair(self) -> None:
+        if len(self._calibrations) < len(SIDES):
+            return
+        left, right = (self._calibrations[side] for side in SIDES)
+        try:
+            stereo_from_camera_infos(left, right)
+            told = stereo_contradictions(left, right)
+        except ValueError as error:
+            # Calibrators commit one side after the other.
+            told = [str(error)]
+        self._diagnostics.caution('pair', '; '.join(told))
 
     def _on_frame(self, source: str, frame: Frame, form: Format) -> None:
         if form.pixel_format in JPEG_FORMATS:
@@ -271,6 +299,11 @@ class CameraNode(StageNode):
             if not math.isnan(skew.drift):
                 details['Clock drift, right to left (ppm)'] = f'{1e6 * skew.drift:.1f}'
         return details
+
+
+def urls_of(options: CaptureOptions) -> dict[str, str]:
+    """The cameras' calibration files by side, '' where none is named."""
+    return {'left': options.left.camera_info_url, 'right': options.right.camera_info_url}
 
 
 # A message that checks its fields adopts an array of bytes; one that does not copies it once more.

@@ -29,8 +29,8 @@ class StageDiagnostics:
     The level is ERROR while one of `errors`, standing problems by what they are about, is set;
     WARN while another node gets in the way or a sender's clock differs; STALE while nothing comes
     in; WARN in a second in which something was dropped or lost on its way here, or nothing goes
-    out of what comes in; and
-    OK while data flows. What is dropped may be told from any thread.
+    out of what comes in, and while a caution stands; and OK while data flows. What is dropped may
+    be told from any thread.
     """
 
     def __init__(
@@ -45,6 +45,7 @@ class StageDiagnostics:
         self.published = 0
         self.dropped: Counter[str] = Counter()
         self.errors: dict[str, str] = {}
+        self._cautions: dict[str, str] = {}
         self._last_drop = ''
         self._lock = threading.Lock()
         self._node = node
@@ -81,6 +82,12 @@ class StageDiagnostics:
         if told and told != self.errors.get(topic):
             self._node.get_logger().error(told)
         self.errors[topic] = told
+
+    def caution(self, about: str, told: str) -> None:
+        """Keep what makes the results worse than they look, '' for nothing; log it once."""
+        if told and told != self._cautions.get(about):
+            self._node.get_logger().warning(told)
+        self._cautions[about] = told
 
     def publish(self) -> None:
         """Publish the counts as they stand."""
@@ -136,6 +143,8 @@ class StageDiagnostics:
             return DiagnosticStatus.WARN, f'{count} dropped: {last_drop}'
         if now.published == previous.published:
             return DiagnosticStatus.WARN, 'something comes in, and nothing goes out'
+        if cautions := '; '.join(filter(None, self._cautions.values())):
+            return DiagnosticStatus.WARN, cautions
         return DiagnosticStatus.OK, 'running'
 
     def _look_about(self) -> None:

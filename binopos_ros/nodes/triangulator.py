@@ -49,6 +49,7 @@ class TriangulatorNode(StageNode):
 
     def _configure(self, options: TriangulatorOptions) -> None:
         self._triangulator.configure(options)
+        self._diagnostics.caution('rig', self._triangulator.caution)
         self._offer(*options.parts)
 
     def _offer(self, *names: str) -> None:
@@ -59,12 +60,14 @@ class TriangulatorNode(StageNode):
                 self._places[name] = self.publisher(PoseWithCovarianceStamped, topic)
 
     def _on_camera_info(self, side: str, message: CameraInfo) -> None:
-        problem = ''
+        problem, info = '', read_camera_info_message(message, side)
+        self._diagnostics.caution(f'{side}/camera_info', '; '.join(info.contradictions()))
         try:
-            self._triangulator.set_camera(side, read_camera_info_message(message, side))
+            self._triangulator.set_camera(side, info)
         except ValueError as error:
             problem = f'cannot be used: {error}'
         self._diagnostics.judge_input(f'{side}/camera_info', problem)
+        self._diagnostics.caution('rig', self._triangulator.caution)
 
     def _on_centroid(self, side: str, message: PoseWithCovarianceStamped) -> None:
         self._diagnostics.received[f'{side}/centroid'] += 1

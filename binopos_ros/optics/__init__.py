@@ -5,6 +5,7 @@ from binopos_ros.optics.camera_info import (
     CameraInfo,
     CameraInfoWarning,
     Roi,
+    stereo_contradictions,
     stereo_from_camera_infos,
 )
 from binopos_ros.optics.camera_info_files import read_camera_info, write_camera_info
@@ -26,6 +27,7 @@ __all__ = [
     'graded_interface',
     'mean_index',
     'read_camera_info',
+    'stereo_contradictions',
     'stereo_from_camera_infos',
     'write_camera_info',
 ]

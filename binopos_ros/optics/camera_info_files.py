@@ -1,4 +1,4 @@
-"""ROS camera_info files: the calibration YAML and the older oST text.
+"""Calibration files: ROS's camera_info YAML, and what others write.
 
 The YAML has the keys and the order of camera_calibration_parsers; numbers are written so that they
 read back to the last bit.
@@ -15,20 +15,27 @@ from typing import Any
 
 import yaml
 
-from binopos_ros import plain_yaml
-from binopos_ros.optics import ost
+from binopos_ros.optics.calibration_text import mapping_of, text_of
 from binopos_ros.optics.camera_info import CameraInfo, CameraInfoWarning, Roi
+from binopos_ros.optics.camera_info_fields import (
+    camera_info_of,
+    camera_info_of_message,
+    is_message,
+)
 from binopos_ros.optics.errors import OpticsError
+from binopos_ros.optics.kalibr import cameras_of_kalibr, is_kalibr
+from binopos_ros.optics.opencv_storage import cameras_of_opencv, is_opencv_stereo
+from binopos_ros.optics.ost import cameras_of_ost, is_ost
 
 PathLike = str | os.PathLike[str]
 
 
 def read_camera_info(path: PathLike, camera: str | None = None) -> CameraInfo:
-    """Read one camera's calibration, YAML or oST text.
+    """Read one camera's calibration: ROS's YAML, oST text, kalibr, FileStorage, a printed message.
 
     Args:
         path: the file.
-        camera: which one, where an oST file holds several.
+        camera: which one, where a file holds several: its name, or the last part of it.
 
     Raises:
         OpticsError: it cannot be read, is incomplete, or is uncalibrated (K all zero).
@@ -37,23 +44,88 @@ def read_camera_info(path: PathLike, camera: str | None = None) -> CameraInfo:
         CameraInfoWarning: it reads, but contradicts itself.
 
     """
-    text = _text(path)
-    if ost.is_ost(text):
-        infos = _parse_ost(text, path)
-        chosen = [info for info in infos if camera in (None, info.name)]
-        if len(chosen) != 1:
-            names = ', '.join(info.name for info in infos)
-            msg = f'{path} holds the cameras {names}; name one of them'
-            raise OpticsError(msg)
-        info = chosen[0]
-    else:
-        info = _parse_yaml(text, path)
-    if not any(info.k):
-        msg = f'{path}: camera {info.name!r} is uncalibrated (K is all zero); calibrate it first'
+    infos = cameras_in(path)
+    chosen = [
+        info
+        for info in infos
+        if len(infos) == 1 or camera in (None, info.name, info.name.rpartition('/')[2])
+    ]
+    if len(chosen) != 1:
+        names = ', '.join(info.name for info in infos)
+        msg = f'{path} holds the cameras {names}; name one of them'
         raise OpticsError(msg)
-    for line in info.contradictions():
+    for line in chosen[0].contradictions():
         warnings.warn(f'{path}: {line}', CameraInfoWarning, stacklevel=2)
-    return info
+    return chosen[0]
+
+
+def read_pair(
+    paths: Sequence[PathLike], size: tuple[int, int] | None = None
+) -> tuple[CameraInfo, CameraInfo]:
+    """Read the calibrations of a left and a right camera, whoever wrote them.
+
+    Args:
+        paths: one file that holds both, those of the left and of the right one, or OpenCV's
+            intrinsics and extrinsics.
+        size: of the pictures, px, where FileStorage has none.
+
+    Raises:
+        OpticsError: they cannot be read, or there are not two.
+
+    """
+    data: dict[str, Any] = {}
+    infos: list[CameraInfo] = []
+    for path in paths:
+        text = text_of(path)
+        keys = {} if is_ost(text) else mapping_of(text, path)
+        if is_opencv_stereo(keys):
+            data |= keys
+        else:
+            infos += _calibrated(_cameras(text, path), path)
+    if data:
+        where = ' and '.join(map(str, paths))
+        infos += _calibrated(cameras_of_opencv(data, where, size), where)
+    if len(infos) != 2:
+        names = ', '.join(info.name for info in infos)
+        msg = (
+            f'{" and ".join(map(str, paths))} hold {len(infos)} cameras ({names}): give a '
+            'file with both, or one for each'
+        )
+        raise OpticsError(msg)
+    return infos[0], infos[1]
+
+
+def cameras_in(path: PathLike) -> list[CameraInfo]:
+    """Read all cameras of a file.
+
+    Raises:
+        OpticsError: it cannot be read, is incomplete, or is uncalibrated (K all zero).
+
+    """
+    return _calibrated(_cameras(text_of(path), path), path)
+
+
+def _cameras(text: str, path: PathLike) -> list[CameraInfo]:
+    if is_ost(text):
+        return cameras_of_ost(text, path)
+    data = mapping_of(text, path)
+    if is_kalibr(data):
+        return cameras_of_kalibr(data, path)
+    if is_opencv_stereo(data):
+        return cameras_of_opencv(data, path)
+    if is_message(data):
+        return [camera_info_of_message(data, path)]
+    return [camera_info_of(data, path)]
+
+
+def _calibrated(infos: list[CameraInfo], path: PathLike) -> list[CameraInfo]:
+    for info in infos:
+        if not any(info.k):
+            msg = (
+                f'{path}: camera {info.name!r} is uncalibrated (K is all zero); calibrate it first'
+            )
+            raise OpticsError(msg)
+    return infos
 
 
 def write_camera_info(path: PathLike, info: CameraInfo) -> None:
@@ -85,135 +157,6 @@ def write_camera_info(path: PathLike, info: CameraInfo) -> None:
     except OSError as error:
         msg = f'cannot write {path}: {error.strerror}'
         raise OpticsError(msg) from None
-
-
-def _text(path: PathLike) -> str:
-    try:
-        return Path(path).read_text(encoding='utf-8')
-    except OSError as error:
-        msg = f'cannot read the calibration {path}: {error.strerror}'
-        raise OpticsError(msg) from None
-    except UnicodeDecodeError:
-        msg = f'{path} is no calibration file: it is not text'
-        raise OpticsError(msg) from None
-
-
-def _parse_yaml(text: str, path: PathLike) -> CameraInfo:
-    try:
-        data = plain_yaml.load(text)
-    except plain_yaml.PlainYamlError as error:
-        where = f', line {error.line}' if error.line else ''
-        msg = f'{path}{where} is not valid YAML: {error.problem}'
-        raise OpticsError(msg) from None
-    if not isinstance(data, dict):
-        msg = f'{path} is no camera_info file: it has no keys such as image_width'
-        raise OpticsError(msg)
-    model = data.get('distortion_model', 'plumb_bob')
-    roi = data.get('roi') or {}
-    if not isinstance(roi, dict):
-        msg = f'{path}: roi must be a block of x_offset, y_offset, height, width, do_rectify'
-        raise OpticsError(msg)
-    return CameraInfo(
-        name=str(data.get('camera_name', '')),
-        width=_whole(data, 'image_width', path),
-        height=_whole(data, 'image_height', path),
-        distortion_model=str(model),
-        d=_numbers(data, 'distortion_coefficients', None, path),
-        k=_numbers(data, 'camera_matrix', 9, path),
-        r=_numbers(data, 'rectification_matrix', 9, path, CameraInfo.r),
-        p=_numbers(data, 'projection_matrix', 12, path, CameraInfo.p),
-        binning=(_whole(data, 'binning_x', path, 0), _whole(data, 'binning_y', path, 0)),
-        roi=Roi(
-            x_offset=_whole(roi, 'x_offset', path, 0),
-            y_offset=_whole(roi, 'y_offset', path, 0),
-            height=_whole(roi, 'height', path, 0),
-            width=_whole(roi, 'width', path, 0),
-            do_rectify=bool(roi.get('do_rectify', False)),
-        ),
-    )
-
-
-def _whole(data: dict[str, Any], key: str, path: PathLike, default: int | None = None) -> int:
-    value = data.get(key, default)
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        msg = f'{path}: {key} must be a whole number of pixels, not {value!r}'
-        raise OpticsError(msg)
-    return value
-
-
-def _numbers(
-    data: dict[str, Any],
-    key: str,
-    count: int | None,
-    path: PathLike,
-    default: tuple[float, ...] | None = None,
-) -> tuple[float, ...]:
-    if key not in data and default is not None:
-        return default
-    block = data.get(key)
-    values = block.get('data') if isinstance(block, dict) else block
-    if not isinstance(values, list):
-        msg = f'{path}: {key} is missing or holds no data list'
-        raise OpticsError(msg)
-    return _finite(values, key, count, path)
-
-
-def _finite(
-    values: Sequence[Any], key: str, count: int | None, path: PathLike
-) -> tuple[float, ...]:
-    try:
-        numbers = tuple(float(value) for value in values)
-    except (TypeError, ValueError):
-        numbers = (math.nan,)
-    if not all(map(math.isfinite, numbers)):
-        msg = f'{path}: {key} holds something that is not a finite number'
-        raise OpticsError(msg)
-    if count is not None and len(numbers) != count:
-        msg = f'{path}: {key} must hold {count} numbers, not {len(numbers)}'
-        raise OpticsError(msg)
-    return numbers
-
-
-def _parse_ost(text: str, path: PathLike) -> list[CameraInfo]:
-    infos: list[CameraInfo] = []
-    size: dict[str, tuple[float, ...]] = {}
-    for section, titled in ost.sections(text):
-        numbers = {title: _finite(words, title, None, path) for title, words in titled.items()}
-        if section == 'image':
-            size = numbers
-        else:
-            infos.append(_camera_of_ost(section, size, numbers, path))
-    if not infos:
-        msg = f'{path} is no calibration: it holds no camera'
-        raise OpticsError(msg)
-    return infos
-
-
-def _camera_of_ost(
-    name: str,
-    size: dict[str, tuple[float, ...]],
-    numbers: dict[str, tuple[float, ...]],
-    path: PathLike,
-) -> CameraInfo:
-    wanted = {'camera matrix': 9, 'distortion': None, 'rectification': 9, 'projection': 12}
-    for key, count in wanted.items():
-        found = len(numbers.get(key, ()))
-        if not found or (count is not None and found != count):
-            msg = (
-                f'{path}: [{name[:80]}] needs {count or "some"} numbers under {key!r}, not {found}'
-            )
-            raise OpticsError(msg)
-    width, height = (size.get(key, (0.0,)) for key in ('width', 'height'))
-    return CameraInfo(
-        name=name,
-        width=int(width[0]),
-        height=int(height[0]),
-        distortion_model='plumb_bob' if len(numbers['distortion']) <= 5 else 'rational_polynomial',
-        d=numbers['distortion'],
-        k=numbers['camera matrix'],
-        r=numbers['rectification'],
-        p=numbers['projection'],
-    )
 
 
 def _one_line(name: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from binopos_ros.optics.camera_info import CameraInfo, Roi
+from binopos_ros.optics.camera_info import CameraInfo, Roi, lens_model
 
 
 def read_camera_info_message(message: Any, name: str) -> CameraInfo:
@@ -17,7 +17,7 @@ def read_camera_info_message(message: Any, name: str) -> CameraInfo:
         name=name,
         width=int(message.width),
         height=int(message.height),
-        distortion_model=str(message.distortion_model),
+        distortion_model=lens_model(str(message.distortion_model), len(message.d)),
         d=tuple(map(float, message.d)),
         k=tuple(map(float, message.k)),
         r=tuple(map(float, message.r)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -9,16 +10,26 @@ from binopos_ros.optics.camera_info import CameraInfo
 from binopos_ros.optics.camera_info_files import read_camera_info
 from binopos_ros.optics.errors import OpticsError
 
-FILE, PACKAGE = 'file://', 'package://'
+#: The longer one first.
+FILE, PACKAGE = ('file://', 'file:'), 'package://'
 
 
-def calibration_path(url: str) -> Path:
+def calibration_path(url: str, name: str = '') -> Path:
     """The file that a `camera_info_url` means: `file://`, `package://NAME/PATH` or a plain path.
 
-    :raises OpticsError: where the scheme or the package is unknown.
+    `${NAME}` stands for the camera's name, `${ROS_HOME}` for the folder of ROS, as in
+    camera_info_manager.
+
+    :raises OpticsError: where the scheme, the package or the variable is unknown.
     """
-    if url.startswith(FILE):
-        return Path(unquote(url.removeprefix(FILE))).expanduser()
+    home = os.environ.get('ROS_HOME') or str(Path('~/.ros').expanduser())
+    url = url.replace('${ROS_HOME}', home).replace('${NAME}', name)
+    if '${' in url:
+        message = f'camera_info_url {url!r}: only ${{NAME}} and ${{ROS_HOME}} are known'
+        raise OpticsError(message)
+    for scheme in FILE:
+        if url.startswith(scheme):
+            return Path(unquote(url.removeprefix(scheme))).expanduser()
     if url.startswith(PACKAGE):
         package, _, inside = unquote(url.removeprefix(PACKAGE)).partition('/')
         return Path(_share(package, url)) / inside
@@ -31,45 +42,32 @@ def calibration_path(url: str) -> Path:
 def read_calibration(side: str, url: str, view_size: tuple[int, int]) -> CameraInfo:
     """Read a camera's calibration and see that it is for images of this size (px).
 
-    :raises OpticsError: where it is of another size.
+    The size is that of the images as they are sent: of the whole sensor, less what binning and
+    the region of interest take away.
+
+    :raises OpticsError: where it is of another size, or of a camera that cannot be.
     :raises OpticsError: where it cannot be read.
     """
-    path = calibration_path(url)
-    info = read_camera_info(path)
-    if (info.width, info.height) != view_size:
-        message = (
-            f'{side}.camera_info_url: {path} is for images of {info.width}x{info.height}, the '
-            'camera sends {}x{}; calibrate at this size, or set width and height'.format(
-                *view_size
-            )
-        )
-        raise OpticsError(message)
+    path = calibration_path(url, side)
+    info = read_camera_info(path, side)
+    try:
+        check_size(info, view_size)
+    except OpticsError as error:
+        message = f'{side}.camera_info_url: {path}: {error}'
+        raise OpticsError(message) from None
     return info
 
 
-def check_pair(left: CameraInfo, right: CameraInfo) -> None:
-    """See that two calibrations are those of a left and of a right camera.
+def check_size(info: CameraInfo, view_size: tuple[int, int]) -> None:
+    """See that a calibration is of a possible camera, and for images of this size (px).
 
-    The right camera's projection holds the baseline, P[3] = -f B; the left's holds none.
-
-    :raises OpticsError: where they are one and the same, or exchanged.
+    :raises OpticsError: where it is not.
     """
-    if left.p[3] == 0.0 == right.p[3]:
+    size = info.usable_camera().size
+    if size != view_size:
         message = (
-            'the calibrations of left and right hold no baseline (P[3] is 0 in both): '
-            'make them with "binopos calibrate stereo"'
-        )
-        raise OpticsError(message)
-    if left.p[3] != 0.0 and right.p[3] == 0.0:
-        message = (
-            'left.camera_info_url is the calibration of the right camera and the other way '
-            'round: exchange the two files'
-        )
-        raise OpticsError(message)
-    if left.p[3] != 0.0:
-        message = (
-            'left.camera_info_url is the calibration of a right camera (its P[3] is not 0): name '
-            'that of the left one'
+            f'it is for images of {size[0]}x{size[1]}, the camera sends '
+            f'{view_size[0]}x{view_size[1]}; calibrate at this size, or set width and height'
         )
         raise OpticsError(message)
 

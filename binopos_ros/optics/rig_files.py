@@ -20,6 +20,8 @@ from binopos_ros.optics.interface import Interface
 from binopos_ros.optics.lens import BROWN
 
 PLUMB_BOB_TERMS, RATIONAL_TERMS = 5, 8
+#: Of R R^T from the identity: files hold six digits, and people round.
+ROTATION_SLACK = 1e-2
 #: How much of the pictures the rectified ones keep: no blank pixels; or, without a scale, all.
 CROPPED, UNSCALED = 0.0, -1.0
 
@@ -79,6 +81,30 @@ def camera_info_alone(camera: PinholeCamera, name: str) -> CameraInfo:
     """Return the calibration of a camera that belongs to no rig: nothing to rectify."""
     projection = np.column_stack([camera.matrix, np.zeros(3)])
     return _camera_info(name, camera, np.eye(3), projection)
+
+
+def camera_infos_from_parts(
+    left: CameraInfo, right: CameraInfo, rotation: ArrayLike, translation: ArrayLike
+) -> tuple[CameraInfo, CameraInfo]:
+    """Put the extrinsics into R and P of two calibrations that have none.
+
+    Args:
+        left: of the left camera.
+        right: of the right one.
+        rotation: (3, 3) and
+        translation: (3,) m, so that x_right = rotation @ x_left + translation.
+
+    Raises:
+        OpticsError: a camera is impossible, or the rotation is none.
+
+    """
+    turn = np.asarray(rotation, float)
+    if np.abs(turn @ turn.T - np.eye(3)).max() > ROTATION_SLACK or np.linalg.det(turn) < 0:
+        msg = f'the rotation from {left.name!r} to {right.name!r} is none: {turn.ravel().tolist()}'
+        raise OpticsError(msg)
+    return camera_infos_from_stereo(
+        left.camera(), right.camera(), turn, translation, (left.name, right.name)
+    )
 
 
 def interface_block(

@@ -79,7 +79,8 @@ class Surfaces:
             if walls.extents[0] <= 0.0:
                 msg = (
                     f"the {name} camera lies {-walls.extents[0]:g} m beyond the interface's first"
-                    ' surface'
+                    ' surface; where each camera looks through a wall of its own, these are its '
+                    'left_port and right_port (calibrate interface --ports)'
                 )
                 raise OpticsError(msg)
             self._parts.append(('interface', interface, walls))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from binopos_ros.optics import CameraInfo, write_camera_info
+from binopos_ros.optics import CameraInfo, DomePort, write_camera_info
 from binopos_ros.optics.rig_files import interface_block, yaml_numbers
 from binopos_ros.sides import SIDES
 from binopos_ros.simulation.rig_motion import FIXED_FRAME, SeenFromRobot, mounting
@@ -43,6 +43,10 @@ def parameter_file(scene: Scene) -> str:
             remarks = {'normal': frame, 'centre': f'{frame}, m'}
             remarks |= dict.fromkeys(('distance', 'radius', 'thicknesses'), 'm')
             lines += interface_block(name, interface, remarks)
+            is_dome = isinstance(interface, DomePort)
+            exact = ('centre_std',) if is_dome else ('normal_std', 'distance_std')
+            lines += [f'    {name}.{std}: 0.0  # exact' for std in exact]
+    lines.append('    baseline_std: 0.0  # exact')
     if rig.interface is not None and not rig.interface.thicknesses and not _swells(scene):
         lines.append('    medium: basin  # no room for swell; auto: there may be')
     if not any(interface for interface, _ in blocks.values()):

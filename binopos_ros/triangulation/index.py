@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.optics import StereoRig
+from binopos_ros.triangulation.considered import changed_rigs, principal_errors
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.errors import TriangulationError
-from binopos_ros.triangulation.evidence import STEP, Evidence, gather_evidence
+from binopos_ros.triangulation.evidence import Evidence, gather_evidence
 from binopos_ros.triangulation.following import (
     NOT_OBSERVABLE,
     PAIR_STD_LIMIT,
@@ -119,7 +120,7 @@ class IndexEstimator:
                 msg = f'index estimate: {name} is {value}: it must be 0 or more'
                 raise TriangulationError(msg)
         self._plane = known_plane
-        self._errors = _principal_errors(parameter_covariance)
+        self._errors = _errors_beside_index(parameter_covariance)
         self._calibration_std = calibration_std
         self._epipolar_gate = epipolar_gate
         # All are counted in their own deviations, but the plane's offset in metres.
@@ -221,7 +222,7 @@ class IndexEstimator:
                 )
                 raise TriangulationError(msg)
             self._given, self._assumed = rig, None
-            self._changed = [rig.perturbed(STEP * error) for error in self._errors]
+            self._changed = changed_rigs(rig, self._errors)
         if self._assumed is not None:
             assumed, changes = self._assumed
             if abs(cast(float, assumed.target_index) - index) <= _RELINEARISE:
@@ -265,19 +266,11 @@ def _possible(index: float) -> float:
     return min(max(index, 1.0), _LARGEST_INDEX)
 
 
-def _principal_errors(covariance: ArrayLike | None) -> Array:
-    """Return independent errors (E,K) of one deviation each that make up the covariance (K,K)."""
+def _errors_beside_index(covariance: ArrayLike | None) -> Array:
+    """Return the rig's errors (E,K) but for that of the index, which is estimated."""
     if covariance is None:
         return np.zeros((0, 0))
-    given = np.array(covariance, dtype=np.float64)
-    if given.ndim != 2 or given.shape[0] != given.shape[1] or not np.isfinite(given).all():
-        msg = f'parameter covariance of shape {given.shape}: give (K, K) finite numbers'
-        raise TriangulationError(msg)
-    given[0, :] = given[:, 0] = 0.0
-    scale = np.sqrt(np.maximum(np.diag(given), 0.0))
-    scale[scale == 0.0] = 1.0
-    values, vectors = np.linalg.eigh(given / np.outer(scale, scale))
-    if not np.allclose(given, given.T) or values[0] < -1e-9:
-        msg = 'parameter covariance is not symmetric and positive semidefinite'
-        raise TriangulationError(msg)
-    return (vectors * np.sqrt(np.maximum(values, 0.0)) * scale[:, None]).T[values > 1e-9]
+    rest = np.array(covariance, dtype=np.float64)
+    if rest.ndim == 2:
+        rest[0, :] = rest[:, 0] = 0.0
+    return principal_errors(rest)

@@ -12,6 +12,8 @@ from binopos_ros.optics import OpticsError, StereoRig
 from binopos_ros.optics.arithmetic import FLOATS, NoRayError
 from binopos_ros.optics.ball import ball_outline_offsets
 from binopos_ros.optics.disc import to_disc_centres
+from binopos_ros.triangulation.considered import changed_rigs, principal_errors
+from binopos_ros.triangulation.evidence import gather_evidence
 from binopos_ros.triangulation.extent import other_size
 from binopos_ros.triangulation.index import DIFFERENT_POINTS
 from binopos_ros.triangulation.medium import MediumMeter, may_wave
@@ -86,8 +88,11 @@ class Locator:
     ) -> None:
         self.rig, self._options, self._covariance = rig, options, covariance
         self._estimator = options.estimator(rig.interface, rig.target_index, covariance)
+        self._changed: list[StereoRig] = []
         if covariance is not None and self._estimator is None:
             check_parameters(rig, covariance)
+            if rig.target_index is not None:
+                self._changed = changed_rigs(rig, principal_errors(covariance))
         waves = options.watches_medium and may_wave(rig.interface)
         self._meter = MediumMeter(rig, swell=options.medium == 'auto') if waves else None
 
@@ -117,7 +122,10 @@ class Locator:
             except OpticsError as error:
                 # Where the pair itself meets nowhere, that is the reason.
                 return str(triangulate(self.rig, *views).reasons or error)
-        found = self._followed(stamp, views) if self._estimator else self._found(views)
+        if self._estimator:
+            found = self._followed(stamp, views)
+        else:
+            found = self._considered(views) if self._changed else self._found(views)
         if isinstance(found, str):
             return found
         place, residuals = found
@@ -149,6 +157,16 @@ class Locator:
             )
         index = Index(self.rig.target_index or 1.0)
         return Place(point, noise, None, systematic, index), found.residuals
+
+    def _considered(self, views: Views) -> tuple[Place, Array] | str:
+        """As `_found`, with what the rig's errors do, in a tenth of the time."""
+        evidence = gather_evidence(self.rig, *views, self._changed)
+        if evidence.reason:
+            return evidence.reason
+        systematic = evidence.by_shared @ evidence.by_shared.T
+        index = Index(evidence.at)
+        place = Place(evidence.point, evidence.covariance, None, systematic, index)
+        return place, evidence.residuals
 
     def _followed(self, stamp: float, views: Views) -> tuple[Place, Array] | str:
         """Return the place and the residuals (4,) px at the index that is followed."""

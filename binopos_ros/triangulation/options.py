@@ -41,6 +41,25 @@ class InterfaceOptions:
     thicknesses: tuple[float, ...] = option(
         (), 'of the layers between the first and the last medium', 'm', (0.0, 100.0)
     )
+    normal_std: float = option(
+        0.0175,
+        'standard deviation of the normal about either axis, where calibration_covariance does '
+        'not tell it; 0: exact',
+        'rad',
+        (0.0, 0.5),
+    )
+    distance_std: float = option(
+        0.005,
+        'standard deviation of the distance, where calibration_covariance does not tell it; '
+        '0: exact',
+        'm',
+        (0.0, 1.0),
+    )
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """By option, the standard deviations that hold for what is given."""
+        return {'normal_std': self.normal_std, 'distance_std': self.distance_std}
 
     def build(self, name: str) -> Interface | None:
         """The interface, or None where nothing was given.
@@ -86,6 +105,18 @@ class PortOptions(InterfaceOptions):
         (), "centre of a dome's spheres in the camera's frame, 3 numbers", 'm'
     )
     radius: float = option(0.0, "of a dome's inner sphere", 'm', (0.0, 10.0))
+    centre_std: float = option(
+        0.002,
+        "standard deviation of a dome's centre along each axis, where calibration_covariance does "
+        'not tell it; 0: exact',
+        'm',
+        (0.0, 1.0),
+    )
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """By option, the standard deviations that hold for what is given."""
+        return {'centre_std': self.centre_std} if self.shape == DOME else super().deviations
 
     def build(self, name: str) -> Interface | None:
         """The port, or None where nothing was given.
@@ -327,8 +358,15 @@ class TriangulatorOptions(LocatorOptions):
     calibration_covariance: str = option(
         '',
         'covariance.yaml of `binopos calibrate interface`: the covariance of the position then '
-        "holds the calibration's own uncertainty, cameras and interface together; empty: the "
-        'calibration is taken for exact',
+        "holds the calibration's own uncertainty, cameras and interface together; empty: that of "
+        'normal_std, distance_std and baseline_std',
+    )
+    baseline_std: float = option(
+        0.005,
+        'standard deviation of the baseline as a share of it, where calibration_covariance does '
+        'not tell it; 0: exact',
+        '1',
+        (0.0, 0.5),
     )
     interface: InterfaceOptions = field(default_factory=InterfaceOptions)
     left_port: PortOptions = field(default_factory=PortOptions)
@@ -344,9 +382,6 @@ class TriangulatorOptions(LocatorOptions):
                 "or choose method 'straight'"
             )
             raise TriangulationError(msg)
-        if self.method != 'refractive' and self.calibration_covariance:
-            msg = f'method {self.method!r} cannot carry calibration_covariance: leave it empty'
-            raise TriangulationError(msg)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -354,7 +389,25 @@ class TriangulatorOptions(LocatorOptions):
         waves = may_wave(self.interfaces()[0]) and self.watches_medium
         if waves:
             return 'systematic', 'medium'
-        return ('systematic',) if self.calibration_covariance or self.index.is_estimated else ()
+        return ('systematic',) if self.is_uncertain or self.index.is_estimated else ()
+
+    @property
+    def is_uncertain(self) -> bool:
+        """Whether the rig's own uncertainty is carried on to the positions."""
+        if self.method != 'refractive':
+            return False
+        stated = (std for place in self.places.values() for std in place.deviations.values())
+        return bool(self.calibration_covariance) or self.baseline_std > 0 or any(stated)
+
+    @property
+    def places(self) -> dict[str, InterfaceOptions]:
+        """The interfaces that are given, by the names that their parameters begin with."""
+        all_places = {
+            'interface': self.interface,
+            'left_port': self.left_port,
+            'right_port': self.right_port,
+        }
+        return {name: place for name, place in all_places.items() if place.build(name)}
 
     def interfaces(
         self,

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.optics import StereoRig
-from binopos_ros.optics.camera_info import CameraInfo, stereo_from_camera_infos
+from binopos_ros.optics import StereoRig, stereo_contradictions, stereo_from_camera_infos
+from binopos_ros.optics.camera_info import CameraInfo
 from binopos_ros.optics.covariance_file import read_covariance
 from binopos_ros.optics.uncertain_rig import UncertainRig
 from binopos_ros.pairing import Pair, PairMatcher
@@ -23,6 +23,7 @@ from binopos_ros.sides import SIDES
 from binopos_ros.triangulation.locate import Locator, Place
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.skew import Movement, Sample, Track
+from binopos_ros.triangulation.stated import stated_errors
 
 #: Pairs that wait for the first calibration: two seconds at 30 Hz.
 EARLY_PAIRS = 60
@@ -99,6 +100,20 @@ class Triangulator:
         return None if self._locator is None else self._locator.rig
 
     @property
+    def caution(self) -> str:
+        """What makes positions worse than they look; '' for nothing."""
+        told = []
+        if len(self._infos) == len(SIDES):
+            told += stereo_contradictions(*(self._infos[side] for side in SIDES))
+        if self._defaults:
+            told.append(
+                f'the uncertainty of positions rests on the defaults of '
+                f'{", ".join(self._defaults)}: calibrate with "binopos calibrate interface", or '
+                'set them (0: exact)'
+            )
+        return '; '.join(told)
+
+    @property
     def wave_level(self) -> float | None:
         """Deviation of the waves in the rays' miss, in pixel noise's; None where none can be."""
         return None if self._locator is None else self._locator.wave_level
@@ -141,7 +156,8 @@ class Triangulator:
 
     def _build(self, options: TriangulatorOptions, infos: dict[str, CameraInfo]) -> None:
         """Take options and calibrations together, or, where they make no rig, neither."""
-        self._locator = _locator_of(options, infos)
+        self._locator, self._defaults = _locator_of(options, infos)
+        self._refusal = next((one for info in infos.values() for one in info.outside()), '')
         self._infos, self._options = infos, options
 
     def _missing_calibration(self) -> str:
@@ -150,6 +166,8 @@ class Triangulator:
 
     def _triangulate(self, locator: Locator, pair: Pair[_Seen]) -> Position | Drop:
         left, right = pair.left.centroid, pair.right.centroid
+        if self._refusal:
+            return Drop(left.stamp, self._refusal)
         if self._options.triggered:
             right_centre, right_covariance = right.centre, right.covariance
         else:
@@ -161,8 +179,12 @@ class Triangulator:
         return Position(**vars(place), stamp=left.stamp, frame_id=left.frame_id)
 
 
-def _locator_of(options: TriangulatorOptions, infos: dict[str, CameraInfo]) -> Locator | None:
+def _locator_of(
+    options: TriangulatorOptions, infos: dict[str, CameraInfo]
+) -> tuple[Locator | None, tuple[str, ...]]:
     """What triangulates with these options, once both calibrations are here.
+
+    Beside it the options whose defaults its covariance rests on.
 
     Raises:
         TriangulationError, OpticsError: options and calibrations do not fit together.
@@ -173,12 +195,13 @@ def _locator_of(options: TriangulatorOptions, infos: dict[str, CameraInfo]) -> L
         shared, left, _ = options.interfaces()
         nearest = shared or left
         options.estimator(shared, nearest.target_index if nearest else None)
-        return None
+        return None, ()
     cameras = stereo_from_camera_infos(infos['left'], infos['right'])
-    if calibration is None:
-        return Locator(StereoRig(*cameras, *options.interfaces()), options)
+    if not options.is_uncertain:
+        return Locator(StereoRig(*cameras, *options.interfaces()), options), ()
     rig = UncertainRig(*cameras, *options.interfaces())
-    return Locator(rig, options, calibration.ordered(rig.parameter_names))
+    stated = stated_errors(options, rig, calibration)
+    return Locator(rig, options, stated.covariance), stated.defaults
 
 
 def _matcher(options: TriangulatorOptions) -> PairMatcher[_Seen]:

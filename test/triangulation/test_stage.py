@@ -25,6 +25,9 @@ WATER = {
     'interface.normal': [0.05, 0.02, 1.0],
     'interface.distance': 0.8,
     'interface.indices': [1.0, 1.333],
+    'interface.normal_std': 0.0,
+    'interface.distance_std': 0.0,
+    'baseline_std': 0.0,
 }
 POINT = np.array([0.35, 0.1, 1.25])
 K = (FOCAL, 0, 640.0, 0, FOCAL, 480.0, 0, 0, 1.0)

@@ -83,6 +83,7 @@ def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Pat
         '/**/triangulator:',
         '  ros__parameters:',
     ]
+    lines.append(f'    calibration_covariance: {COVARIANCE_FILE}  # beside this file')
     index = calibration.deviation(TARGET_INDEX)
     for place, interface in calibration.state.interfaces.items():
         spreads: dict[str, list[float]] = {}

@@ -166,42 +166,55 @@ def _find_circles(grey: np.ndarray, board: Board) -> np.ndarray | None:
                 picture, board.shape, flags=layout | extra, blobDetector=blobs
             )
             if found:
-                return _blob_centres(picture, centres.reshape(-1, 2).astype(float), board)
+                return _blob_centres(picture, centres.reshape(-1, 2).astype(float))
     return None
 
 
-def _blob_centres(grey: np.ndarray, centres: np.ndarray, board: Board) -> np.ndarray:
+def _blob_centres(grey: np.ndarray, centres: np.ndarray) -> np.ndarray:
     """Grey-weighted centres of dark blobs; thresholded contours lose the edge's grey values."""
-    columns, rows = board.shape
-    grid = centres.reshape(rows, columns, 2)
-    spacing = np.linalg.norm(np.diff(grid, axis=1), axis=2).min()
-    half = max(3, int(0.45 * spacing))
+    distances = np.linalg.norm(centres[:, None] - centres, axis=2)
+    np.fill_diagonal(distances, np.inf)
     refined = centres.copy()
-    for i, (u, v) in enumerate(centres):
-        left, top = round(u) - half, round(v) - half
-        if left < 0 or top < 0 or left + 2 * half >= grey.shape[1]:
-            continue
+    for i, ((u, v), nearest) in enumerate(zip(centres, distances.min(axis=1), strict=True)):
+        # A dot's radius is less than half of that, seen at 60 degrees less than all of it.
+        half = max(3, int(np.ceil(nearest)))
+        left, top = max(round(u) - half, 0), max(round(v) - half, 0)
         patch = grey[top : top + 2 * half + 1, left : left + 2 * half + 1].astype(float)
-        if patch.shape[0] != 2 * half + 1:
-            continue
         low, high = np.percentile(patch, (5, 95))
+        dot = _dot_at(patch < 0.5 * (low + high), round(u) - left, round(v) - top)
+        if dot is None:
+            continue
         weight = np.clip((0.5 * (low + high) + 0.3 * (high - low) - patch) / (high - low), 0, 0.6)
+        weight[~dot] = 0.0
         rows_, columns_ = np.mgrid[: patch.shape[0], : patch.shape[1]]
-        weight[np.hypot(columns_ + left - u, rows_ + top - v) > half] = 0.0
         total = weight.sum()
-        if total > 0:
-            refined[i] = (
-                left + (weight * columns_).sum() / total,
-                top + (weight * rows_).sum() / total,
-            )
+        refined[i] = (
+            left + (weight * columns_).sum() / total,
+            top + (weight * rows_).sum() / total,
+        )
     return refined
 
 
+def _dot_at(dark: np.ndarray, column: int, row: int) -> np.ndarray | None:
+    """(H, W) the dot there with its soft edge, nothing of its neighbours; None where it is cut."""
+    _, labels = cv2.connectedComponents(dark.astype(np.uint8))
+    own = labels == labels[row, column]
+    border = np.concatenate([own[0], own[-1], own[:, 0], own[:, -1]])
+    if not dark[row, column] or border.any():
+        return None
+    around = np.ones((3, 3), np.uint8)
+    grown = cv2.dilate(own.astype(np.uint8), around, iterations=2)
+    others = cv2.dilate((dark & ~own).astype(np.uint8), around)
+    return np.asarray((grown > 0) & ((others == 0) | own))
+
+
 def _dark_square_first(grey: np.ndarray, pixels: np.ndarray, board: Board) -> np.ndarray:
-    """Turn a board that does not turn onto itself so that it begins at a dark inner square."""
-    if board.turns_onto_itself:
-        return pixels
+    """Turn a board so that it begins at a dark inner square, where a turn changes that."""
     columns, rows = board.shape
+    # A quarter turn takes the first inner square of a square board to the end of its row.
+    quarter = columns == rows and columns % 2 == 1
+    if board.turns_onto_itself and not quarter:
+        return pixels
     grid = pixels.reshape(rows, columns, 2)
     middles = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4.0
     values = grey[
@@ -210,9 +223,15 @@ def _dark_square_first(grey: np.ndarray, pixels: np.ndarray, board: Board) -> np
     ].astype(float)
     row, column = np.indices(values.shape)
     even = (row + column) % 2 == 0
-    if values[even].mean() > values[~even].mean():
-        return pixels[::-1].copy()
-    return pixels
+    if values[even].mean() <= values[~even].mean():
+        return pixels
+    return _turned(pixels, board, 1 if quarter else 2)
+
+
+def _turned(pixels: np.ndarray, board: Board, quarters: int) -> np.ndarray:
+    """A whole board's points (N, 2) numbered from another corner; odd turns of square boards."""
+    columns, rows = board.shape
+    return np.rot90(pixels.reshape(rows, columns, 2), quarters).reshape(-1, 2).copy()
 
 
 def edge_rise(grey: np.ndarray, board: Board, indices: np.ndarray, pixels: np.ndarray) -> float:
@@ -254,12 +273,17 @@ def edge_rise(grey: np.ndarray, board: Board, indices: np.ndarray, pixels: np.nd
 def upright_like(view: BoardView, reference: BoardView, board: Board) -> BoardView:
     """Number a board that turns onto itself as in the other camera's picture.
 
-    The two cameras of a rig are taken to be turned against each other by less than 90 degrees.
+    The two cameras of a rig are taken to be turned against each other by less than 90 degrees, or
+    45 where a quarter turn looks the same.
     """
     if not board.turns_onto_itself or board.kind == CHARUCO:
         return view
-    own = view.pixels[-1] - view.pixels[0]
-    other = reference.pixels[-1] - reference.pixels[0]
-    if own @ other >= 0:
-        return view
-    return BoardView(view.indices, view.pixels[::-1].copy(), view.sharpness)
+    columns, rows = board.shape
+    of_reference = reference.pixels - reference.pixels.mean(axis=0)
+
+    def agreement(pixels: np.ndarray) -> float:
+        return float(np.sum((pixels - pixels.mean(axis=0)) * of_reference))
+
+    quarters = range(4) if columns == rows and board.kind != ASYMMETRIC_CIRCLES else (0, 2)
+    pixels = max((_turned(view.pixels, board, turn) for turn in quarters), key=agreement)
+    return BoardView(view.indices, pixels, view.sharpness)

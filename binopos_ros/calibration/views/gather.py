@@ -6,16 +6,27 @@ import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.board import Board
-from binopos_ros.calibration.views.corners import BoardView, find_board
-from binopos_ros.calibration.views.pairs import BoardPair
-from binopos_ros.calibration.views.sources import PicturePair
+from binopos_ros.calibration.views.corners import BoardView, find_board, upright_like
+from binopos_ros.calibration.views.pairs import BoardPair, Dropped
+from binopos_ros.calibration.views.pictures import PicturePair
 from binopos_ros.sides import SIDES
 
 Size = tuple[int, int]
 Tick = Callable[[], None]
+#: Of the pictures of a camera: when so many are of one size, the others are strays.
+MOST = 0.5
+
+
+class Gathered(NamedTuple):
+    """What pictures show: pair by pair, the sizes (px) of left and right, and what is left out."""
+
+    pairs: list[BoardPair]
+    sizes: tuple[Size, Size]
+    dropped: list[Dropped]
 
 
 def find_boards(
@@ -23,8 +34,8 @@ def find_boards(
     board: Board,
     window: int | None = None,
     tick: Tick = lambda: None,
-) -> tuple[list[BoardPair], tuple[Size, Size]]:
-    """Search every pair for the board.
+) -> Gathered:
+    """Search every pair for the board. A picture that cannot be read costs its pair.
 
     Args:
         pictures: the pairs.
@@ -32,45 +43,62 @@ def find_boards(
         window: half-width of the corners' refinement (px); None chooses it per picture.
         tick: called when a pair is done.
 
-    Returns:
-        What was found, pair by pair, and the sizes of the left and the right pictures.
-
     Raises:
-        CalibrationError: pictures of mixed sizes, or mirrored ChArUco boards.
+        CalibrationError: no pair can be read, pictures of many sizes, or mirrored ChArUco boards.
     """
 
-    def search(pair: PicturePair) -> tuple[BoardPair, tuple[Size, Size]]:
+    def search(pair: PicturePair) -> tuple[BoardPair, tuple[Size, Size]] | Dropped:
         found: list[BoardView | None] = []
         sizes: list[Size] = []
-        for side, load in zip(SIDES, (pair.left, pair.right), strict=True):
-            image = load()
+        try:
+            images = pair.left(), pair.right()
+        except CalibrationError as error:
+            tick()
+            return Dropped(pair.name, str(error))
+        for side, image in zip(SIDES, images, strict=True):
             try:
                 found.append(find_board(image, board, window))
             except CalibrationError as error:
                 raise CalibrationError(f'{pair.name}, {side}: {error}') from None
             sizes.append((image.shape[1], image.shape[0]))
         tick()
-        return BoardPair(pair.name, found[0], found[1]), (sizes[0], sizes[1])
+        left, right = found
+        if left is not None and right is not None:
+            right = upright_like(right, left, board)
+        return BoardPair(pair.name, left, right), (sizes[0], sizes[1])
 
     with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
         results = list(pool.map(search, pictures))
-    pairs = [pair for pair, _ in results]
-    return pairs, _one_size([sizes for _, sizes in results], pictures)
+    dropped = [result for result in results if isinstance(result, Dropped)]
+    read = [result for result in results if not isinstance(result, Dropped)]
+    if not read:
+        raise CalibrationError(
+            f'no pair of pictures can be read; {dropped[0]}'
+            if dropped
+            else 'no pictures to calibrate from'
+        )
+    usual = _usual_sizes(read)
+    strays = [(pair, sizes) for pair, sizes in read if sizes != usual]
+    dropped += [Dropped(pair.name, _of_another_size(sizes, usual)) for pair, sizes in strays]
+    return Gathered([pair for pair, sizes in read if sizes == usual], usual, dropped)
 
 
-def _one_size(
-    sizes: Sequence[tuple[Size, Size]], pictures: Sequence[PicturePair]
-) -> tuple[Size, Size]:
-    if not sizes:
-        raise CalibrationError('no pictures to calibrate from')
-    for side in (0, 1):
-        counts = Counter(pair[side] for pair in sizes)
-        if len(counts) > 1:
-            (usual, _), *_ = counts.most_common(1)
-            odd = next(i for i, pair in enumerate(sizes) if pair[side] != usual)
-            width, height = sizes[odd][side]
-            raise CalibrationError(
-                f'the {SIDES[side]} pictures have mixed sizes: {pictures[odd].name} is '
-                f'{width}x{height}, most are {usual[0]}x{usual[1]} px; use one resolution'
-            )
-    return sizes[0]
+def _usual_sizes(read: Sequence[tuple[BoardPair, tuple[Size, Size]]]) -> tuple[Size, Size]:
+    counts = Counter(sizes for _, sizes in read)
+    (usual, count), *_ = counts.most_common(1)
+    if count <= MOST * len(read):
+        name, sizes = next((pair.name, sizes) for pair, sizes in read if sizes != usual)
+        raise CalibrationError(
+            f'the pictures have mixed sizes: {name}: {_of_another_size(sizes, usual)}'
+        )
+    return usual
+
+
+def _of_another_size(sizes: tuple[Size, Size], usual: tuple[Size, Size]) -> str:
+    """Why a pair is left out whose pictures are not as large as the others'."""
+    side = next(i for i in (0, 1) if sizes[i] != usual[i])
+    (width, height), (as_width, as_height) = sizes[side], usual[side]
+    return (
+        f'the {SIDES[side]} picture is {width}x{height}, most are {as_width}x{as_height} px; use '
+        'one resolution'
+    )

@@ -11,7 +11,7 @@ import numpy as np
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.board import CHESSBOARD, Board
 from binopos_ros.calibration.views.pairs import BoardPair
-from binopos_ros.calibration.views.sources import PicturePair
+from binopos_ros.calibration.views.pictures import PicturePair
 
 SMALLEST = (3, 3)
 ASKED = 3  # pictures

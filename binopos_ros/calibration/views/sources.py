@@ -1,82 +1,112 @@
-"""Where the pictures come from: folders, lists, messages. All give pairs of grey pictures."""
+"""Where the pictures come from: folders, and lists of them. All give pairs of grey pictures."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from binopos_ros.calibration.errors import CalibrationError
+from binopos_ros.calibration.views.lists import listed
 from binopos_ros.calibration.views.pairs import Dropped
-from binopos_ros.detection.images import JpegImage, RawImage, decode
+from binopos_ros.calibration.views.pictures import PicturePair, Pictures, read_picture
 from binopos_ros.sides import SIDES
 
 SUFFIXES = ('.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.pgm', '.ppm', '.webp')
-SIDE = re.compile(r'(?<![a-z])(left|right)(?![a-z])', re.IGNORECASE)
-MONO = ('mono8', '8UC1')
-DEEP_MONO = ('mono16', '16UC1')
-
-Load = Callable[[], np.ndarray]
 
 
-@dataclass(frozen=True)
-class PicturePair:
-    """A pair of pictures, loaded when called: (H, W) uint8."""
+class _Naming(NamedTuple):
+    """A way in which names tell the sides: patterns, the surest first, and the left one's end."""
 
-    name: str
-    left: Load
-    right: Load
+    patterns: tuple[re.Pattern[str], ...]
+    left: str
 
 
-@dataclass(frozen=True)
-class Pictures:
-    """pairs: in order; unmatched: pictures without a partner, with the reason."""
-
-    pairs: tuple[PicturePair, ...]
-    unmatched: tuple[Dropped, ...] = ()
+WORDS = _Naming(
+    (
+        re.compile(r'(?<![a-z])(left|right)(?![a-z])', re.IGNORECASE),
+        re.compile(r'(left|right)', re.IGNORECASE),
+    ),
+    'left',
+)
+#: As kalibr and EuRoC name cameras.
+NUMBERS = _Naming((re.compile(r'(?<![a-z])(cam(?:era)?[_-]?0?[01])(?!\d)', re.IGNORECASE),), '0')
+LETTERS = _Naming((re.compile(r'(?<![a-z])([lr])(?![a-z])', re.IGNORECASE),), 'l')
+#: As KITTI names its folders; pictures are numbered like that.
+IMAGES = _Naming((re.compile(r'^(image_0?[01])$', re.IGNORECASE),), '0')
+#: Where a camera's folder keeps its pictures, as EuRoC's do.
+INNER = 'data'
 
 
 def open_files(source: Path) -> Pictures:
     """Pairs from a folder of pictures or a list of them.
 
     Args:
-        source: a folder with left* and right* files or with sub-folders left and right; a text
-            file with two paths per line; an OpenCV XML image list, left and right by turns.
+        source: a folder with pictures whose names tell the sides (left and right, cam0 and cam1,
+            L and R), or with a sub-folder for each side; or a list, see `lists.listed`.
 
     Raises:
         CalibrationError: nothing there, or nothing that makes pairs.
     """
-    if source.is_dir():
-        folders = [source / side for side in SIDES]
-        if all(folder.is_dir() for folder in folders):
-            return match(_pictures_in(folders[0]), _pictures_in(folders[1]))
-        sides: dict[str, list[Path]] = {'left': [], 'right': []}
-        for path in _pictures_in(source):
-            named = SIDE.search(path.stem) or re.search(r'(left|right)', path.stem, re.IGNORECASE)
-            if named:
-                sides[named[1].lower()].append(path)
-        return match(sides['left'], sides['right'], str(source))
-    return _from_list(source)
+    if not source.is_dir():
+        files = listed(source)
+        pairs = zip(files[::2], files[1::2], strict=True)
+        return Pictures(tuple(_pair(a, b, read_picture) for a, b in pairs))
+    inside = sorted(path for path in source.iterdir() if path.is_dir())
+    for naming in (WORDS, NUMBERS, LETTERS, IMAGES):
+        folders = _by_side(inside, naming)
+        if all(len(folders[side]) == 1 for side in SIDES):
+            return folder_pair(*(folders[side][0] for side in SIDES))
+    return match_named(_pictures_in(source), str(source))
 
 
-def match(left: Sequence[Path], right: Sequence[Path], where: str = '') -> Pictures:
-    """Pair files whose names agree but for the words left and right."""
+def match_named(
+    pictures: Sequence[Path], where: str, load: Callable[[Path], np.ndarray] = read_picture
+) -> Pictures:
+    """Pairs of pictures whose names tell the side.
+
+    Raises:
+        CalibrationError: they do not, or make no pairs.
+    """
+    for naming in (WORDS, NUMBERS, LETTERS):
+        sides = _by_side(pictures, naming)
+        if all(sides.values()):
+            return match(sides['left'], sides['right'], where, naming, load)
+    sides = _by_side(pictures, WORDS)
+    if pictures and not any(sides.values()):
+        raise CalibrationError(
+            f'{where}: the names of its {len(pictures)} pictures tell no side: name them '
+            'left01.jpg and right01.jpg; where both views lie in one picture, add --layout '
+            'side-by-side or top-bottom'
+        )
+    return match(sides['left'], sides['right'], where)
+
+
+def match(
+    left: Sequence[Path],
+    right: Sequence[Path],
+    where: str = '',
+    naming: _Naming = WORDS,
+    load: Callable[[Path], np.ndarray] = read_picture,
+) -> Pictures:
+    """Pair files whose names agree but for what tells the side."""
     if not left or not right:
         missing = 'left' if not left else 'right'
         raise CalibrationError(
             f'no {missing} pictures in {where or "the folders given"}: name them left01.jpg, '
             'right01.jpg and so on, or put them into sub-folders left and right'
         )
-    keys = [{_key(path): path for path in paths} for paths in (left, right)]
+    unmatched: list[Dropped] = []
+    keys = [_keyed(paths, naming, unmatched) for paths in (left, right)]
     common = sorted(keys[0].keys() & keys[1].keys(), key=_natural)
     if not common and len(left) == len(right):
-        pairs = list(zip(sorted(left), sorted(right), strict=True))
-        return Pictures(tuple(_file_pair(*pair) for pair in pairs))
-    unmatched = [
+        pairs = zip(*(sorted(paths, key=_natural_name) for paths in (left, right)), strict=True)
+        return Pictures(tuple(_pair(a, b, load) for a, b in pairs))
+    unmatched += [
         Dropped(path.name, f'it has no {other} partner of the same number')
         for own, theirs, other in ((keys[0], keys[1], 'right'), (keys[1], keys[0], 'left'))
         for key, path in own.items()
@@ -88,7 +118,7 @@ def match(left: Sequence[Path], right: Sequence[Path], where: str = '') -> Pictu
             'the pictures of a pair alike'
         )
     return Pictures(
-        tuple(_file_pair(keys[0][key], keys[1][key]) for key in common), tuple(unmatched)
+        tuple(_pair(keys[0][key], keys[1][key], load) for key in common), tuple(unmatched)
     )
 
 
@@ -100,75 +130,69 @@ def folder_pair(left: Path, right: Path) -> Pictures:
     return match(_pictures_in(left), _pictures_in(right), f'{left} and {right}')
 
 
+def pictures_in(folder: Path) -> list[Path]:
+    """The pictures of a folder by their names; hidden files, as macOS leaves, are none.
+
+    Raises:
+        CalibrationError: there is none.
+    """
+    found = sorted(_pictures_in(folder), key=_natural_name)
+    if not found:
+        raise CalibrationError(f'{folder} holds no pictures')
+    return found
+
+
 def _pictures_in(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    found = [
+        path
+        for path in sorted(folder.iterdir())
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith('.')
+    ]
+    inner = folder / INNER
+    return _pictures_in(inner) if not found and inner.is_dir() else found
 
 
-def _key(path: Path) -> str:
-    return re.sub(r'left|right', '', path.stem, flags=re.IGNORECASE).lower()
+def _by_side(paths: Iterable[Path], naming: _Naming) -> dict[str, list[Path]]:
+    """Files or folders by the side that their names tell; those that tell none are left out."""
+    sides: dict[str, list[Path]] = {side: [] for side in SIDES}
+    for path in paths:
+        found = next(filter(None, (each.search(path.stem) for each in naming.patterns)), None)
+        if found:
+            sides[SIDES[not found[1].lower().endswith(naming.left)]].append(path)
+    return sides
+
+
+def _keyed(paths: Sequence[Path], naming: _Naming, collided: list[Dropped]) -> dict[str, Path]:
+    """Files by what their partners' names have in common with theirs; the first of a name."""
+    found: dict[str, Path] = {}
+    for path in paths:
+        key = _key(path, naming)
+        if key in found:
+            told = f'{found[key].name} has the same number: leave one of them'
+            collided.append(Dropped(path.name, told))
+        else:
+            found[key] = path
+    return found
+
+
+def _key(path: Path, naming: _Naming) -> str:
+    for pattern in naming.patterns:
+        rest, count = pattern.subn('', path.stem)
+        if count:
+            return rest.lower()
+    return path.stem.lower()
+
+
+def _natural_name(path: Path) -> list[tuple[int, str]]:
+    return _natural(path.name)
 
 
 def _natural(key: str) -> list[tuple[int, str]]:
-    return [(int(part), '') if part.isdigit() else (-1, part) for part in re.split(r'(\d+)', key)]
+    # Only decimal digits: int() refuses others that isdigit() takes.
+    return [
+        (int(part), '') if part.isdecimal() else (-1, part) for part in re.split(r'(\d+)', key)
+    ]
 
 
-def _file_pair(left: Path, right: Path) -> PicturePair:
-    return PicturePair(f'{left.name}|{right.name}', lambda: _read(left), lambda: _read(right))
-
-
-def _read(path: Path) -> np.ndarray:
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    if image is None:
-        raise CalibrationError(f'{path} is missing or no picture that can be read')
-    return np.asarray(image)
-
-
-def _from_list(path: Path) -> Pictures:
-    try:
-        text = path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError):
-        raise CalibrationError(
-            f'{path} is neither a folder, a bag nor a list of pictures'
-        ) from None
-    names: list[str] = []
-    if '<imagelist>' in text:
-        names = re.findall(r'"([^"]+)"', text.split('<imagelist>')[1])
-    else:
-        for number, line in enumerate(text.splitlines(), 1):
-            words = line.replace(',', ' ').split()
-            if not words or words[0].startswith('#'):
-                continue
-            if len(words) != 2:
-                raise CalibrationError(
-                    f'{path}, line {number}: write the left and the right picture of a pair'
-                )
-            names += words
-    if len(names) < 2 or len(names) % 2:
-        raise CalibrationError(f'{path} lists {len(names)} pictures: pairs are needed')
-    files = [path.parent / name for name in names]
-    return Pictures(tuple(_file_pair(a, b) for a, b in zip(files[::2], files[1::2], strict=True)))
-
-
-def grey_picture(image: JpegImage | RawImage, stamp: int) -> np.ndarray:
-    """(H, W) uint8 of a camera's image, of that stamp (ns).
-
-    Raises:
-        CalibrationError: the picture is damaged.
-    """
-    if isinstance(image, JpegImage):
-        data = np.frombuffer(image.data, np.uint8)
-        grey = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
-        if grey is None:
-            raise CalibrationError(f'the picture at {stamp / 1e9:.3f} is damaged: leave it out')
-        return np.asarray(grey)
-    if image.encoding in (*MONO, *DEEP_MONO):
-        rows = np.frombuffer(image.data, np.uint8)
-        if rows.size < image.height * image.step:
-            raise CalibrationError(f'the picture at {stamp / 1e9:.3f} is cut short: leave it out')
-        rows = rows[: image.height * image.step].reshape(image.height, image.step)
-        if image.encoding in DEEP_MONO:
-            # The upper of the two bytes.
-            rows = rows[:, 0 if image.big_endian else 1 :: 2]
-        return np.ascontiguousarray(rows[:, : image.width])
-    frame = decode(image)
-    return cv2.cvtColor(frame.window(0, 0, frame.width, frame.height), cv2.COLOR_BGR2GRAY)
+def _pair(left: Path, right: Path, load: Callable[[Path], np.ndarray]) -> PicturePair:
+    return PicturePair(f'{left.name}|{right.name}', partial(load, left), partial(load, right))
