@@ -38,9 +38,9 @@ def refuse_explained(known: Known, views: Sequence[View], rms: float) -> None:
     """
     some = views[:ENOUGH_TO_ASK]
     left = min(EXPLAINED * rms, 2.0 * SUSPECT)
-    found = min(_explanations(known, some), key=lambda one: one[0])
-    if found[0] < left:
-        raise CalibrationError(f'{_lead(rms)}; {found[1]}')
+    for error, words in _explanations(known, some):
+        if error < left:
+            raise CalibrationError(f'{_lead(rms)}; {words}')
 
 
 def refuse_hopeless(fit: Adjustment) -> None:
