@@ -38,15 +38,16 @@ def parameter_file(scene: Scene) -> str:
         'left_port': (rig.left_port, "left camera's frame"),
         'right_port': (rig.right_port, "right camera's frame"),
     }
+    exact = ['# It was rendered: nothing of it is uncertain.', '/**:', '  ros__parameters:']
+    exact.append('    baseline_std: 0.0')
     for name, (interface, frame) in blocks.items():
         if interface is not None:
             remarks = {'normal': frame, 'centre': f'{frame}, m'}
             remarks |= dict.fromkeys(('distance', 'radius', 'thicknesses'), 'm')
             lines += interface_block(name, interface, remarks)
             is_dome = isinstance(interface, DomePort)
-            exact = ('centre_std',) if is_dome else ('normal_std', 'distance_std')
-            lines += [f'    {name}.{std}: 0.0  # exact' for std in exact]
-    lines.append('    baseline_std: 0.0  # exact')
+            stds = ('centre_std',) if is_dome else ('normal_std', 'distance_std')
+            exact += [f'    {name}.{std}: 0.0' for std in stds]
     if rig.interface is not None and not rig.interface.thicknesses and not _swells(scene):
         lines.append('    medium: basin  # no room for swell; auto: there may be')
     if not any(interface for interface, _ in blocks.values()):
@@ -68,7 +69,7 @@ def parameter_file(scene: Scene) -> str:
             '      source: odometry  # or tf: the bag has both',
             f'      mounting: {yaml_numbers(mounting())}  # x, y, z in m, qx, qy, qz, qw',
         ]
-    return '\n'.join(lines) + '\n'
+    return '\n'.join([*lines, *exact]) + '\n'
 
 
 def _swells(scene: Scene) -> bool:
