@@ -47,6 +47,16 @@ class Qos:
     liveliness_lease_ns: int = INFINITE_NS
 
 
+def played_as(recorded: Sequence[Qos]) -> tuple[bool, bool]:
+    """Whether a topic is played reliably, and whether latched.
+
+    As its publishers offered where they agreed; reliable and volatile elsewhere.
+    """
+    offers = {(offer.reliability, offer.durability) for offer in recorded}
+    reliability, durability = offers.pop() if len(offers) == 1 else ('reliable', 'volatile')
+    return reliability != 'best_effort', durability == 'transient_local'
+
+
 def parse_qos(text: str) -> list[Qos]:
     """Offers out of a channel's `offered_qos_profiles`; [] where the text says nothing usable.
 

@@ -31,9 +31,10 @@ from binopos_ros.report import Report
 START = 30.0
 #: Seconds for their connections to settle once all of them are seen.
 SETTLE = 0.5
-#: Silence, in seconds, after which nothing more is expected; diagnostics come at 1 Hz.
+#: Silence, in seconds, after which nothing more is expected of nodes that hold no pair.
+#: Diagnostics come at 1 Hz.
 DRAIN = 1.2
-#: Seconds after which the end is the end, even where diagnostics stay away.
+#: Silence, in seconds, that is the end also where a node keeps a pair, or says nothing.
 LONGEST_DRAIN = 10.0
 
 
@@ -167,10 +168,8 @@ class Replay:
             if not player.finished.is_set():
                 continue
             finished = finished or now
-            newest = max(finished, monitor.last_pose)
-            if now - newest > DRAIN and monitor.heard_since(newest):
-                break
-            if now - finished > LONGEST_DRAIN:
+            newest = max(finished, monitor.last_news)
+            if now - newest > (DRAIN if monitor.is_done_since(newest) else LONGEST_DRAIN):
                 break
         return player.error
 

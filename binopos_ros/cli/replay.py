@@ -10,6 +10,7 @@ from pathlib import Path
 from binopos_ros.bag import BagReader
 from binopos_ros.bag.platform_topics import with_platform
 from binopos_ros.bag.playback import PlayerOptions
+from binopos_ros.bag.qos import played_as
 from binopos_ros.cli.config import (
     add_calibration_argument,
     add_config_argument,
@@ -22,11 +23,13 @@ from binopos_ros.cli.rig_bag import RigBag
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
 from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments, enclave_words
 from binopos_ros.cli.transport import transport_environment
-from binopos_ros.node_options import NAMESPACE, Parameters
+from binopos_ros.node_options import NAMESPACE, QOS_OVERRIDES, Parameters
 from binopos_ros.nodes.ros import require_ros
 from binopos_ros.parameters import build
 from binopos_ros.pipeline import make_platform
 from binopos_ros.report import Fates, Report
+from binopos_ros.sides import SIDES
+from binopos_ros.smoothing.parts import PARTS
 
 HELP = 'play a bag through the live nodes and report what comes out'
 
@@ -99,7 +102,7 @@ def main(arguments: argparse.Namespace) -> int:
         clock = _clock(arguments, parameters)
         words = ['-p', 'use_sim_time:=true'] if clock else []
         if arguments.wait_for_all_acked is not None and arguments.wait_for_all_acked >= 0:
-            words += ['-p', 'detector:newest_first:=false']
+            words += ['-p', 'detector:newest_first:=false', *_lossless(found.namespace, bag)]
         if namespace != NAMESPACE:
             words += ['-r', f'__ns:={namespace}']
         supervisor = Supervisor(
@@ -124,6 +127,24 @@ def main(arguments: argparse.Namespace) -> int:
     if replay.interrupted:
         return 130
     return 0 if report.filtered.stamps else 1
+
+
+def _lossless(namespace: str, bag: RigBag) -> list[str]:
+    """Words by which the nodes ask for every message where it is offered so."""
+    pictures = [topic for topic, role in bag.rig.roles.items() if role.is_image]
+    offered = [each for each in pictures if played_as(bag.topics[each].qos)[0]]
+    heard = {
+        'detector': offered,
+        'triangulator': [f'{namespace}/{side}/centroid' for side in SIDES],
+        'smoother': [f'{namespace}/target/{part}' for part in ('position', *PARTS)],
+    }
+    return [
+        word
+        for node, topics in heard.items()
+        for topic in topics
+        for policy in ('reliability:=reliable', 'history:=keep_all')
+        for word in ('-p', f'{node}:{QOS_OVERRIDES}{topic}.subscription.{policy}')
+    ]
 
 
 def _clock(arguments: argparse.Namespace, parameters: Parameters) -> float:

@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.nodes.diagnostics import PAIRS, PAIRS_USED
 from binopos_ros.nodes.neighbours import publishers_of
-from binopos_ros.nodes.shell import sensor_data
+from binopos_ros.nodes.shell import every_message
 from binopos_ros.reasons import Ledger, count_reason
 from binopos_ros.report import Report, Track, pose_text
 
@@ -38,20 +38,21 @@ class Monitor(Node):
     ) -> None:
         super().__init__('monitor', namespace=namespace)
         self.newest = ''
-        self.last_pose = time.monotonic()
+        self.last_news = time.monotonic()
         self.last_diagnostics: dict[str, float] = {}
         self._report = report
         self._wall_time_of = wall_time_of
         self.ledgers = {node: Ledger() for node in STAGES}
         self._values: dict[str, dict[str, str]] = {}
         pose = PoseWithCovarianceStamped
-        self.create_subscription(pose, 'target/position', self._on_position, sensor_data())
-        self.create_subscription(pose, 'target/pose', self._on_pose, sensor_data())
+        # A node that was held up sends many at once.
+        self.create_subscription(pose, 'target/position', self._on_position, every_message())
+        self.create_subscription(pose, 'target/pose', self._on_pose, every_message())
         for topic, truth in (
             ('truth/pose', report.truth),
             ('truth/fixed_pose', report.fixed_truth),
         ):
-            self.create_subscription(pose, topic, partial(_on_truth, truth), sensor_data())
+            self.create_subscription(pose, topic, partial(_on_truth, truth), every_message())
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, QoSProfile(depth=20)
         )
@@ -78,10 +79,14 @@ class Monitor(Node):
             'suite runs on this ROS domain: stop it, or set another ROS_DOMAIN_ID'
         )
 
-    def heard_since(self, instant: float) -> bool:
-        """Whether every node's diagnostics came after an instant of `time.monotonic`."""
+    def is_done_since(self, instant: float) -> bool:
+        """Whether every node has told since, in `time.monotonic`, that it holds no pair."""
         heard = self.last_diagnostics.values()
-        return bool(heard) and min(heard) > instant
+        return (
+            bool(heard)
+            and min(heard) > instant
+            and all(each.taken == each.used + each.lost.total() for each in self.ledgers.values())
+        )
 
     def _listeners(self, topic: str) -> int:
         own = topic == 'target/position'
@@ -96,7 +101,7 @@ class Monitor(Node):
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         now = time.monotonic()
         stamp = stamp_of(message)
-        self.last_pose = now
+        self.last_news = now
         self._report.filtered.add(stamp, position_of(message))
         due = self._wall_time_of(stamp)
         if due is not None:
@@ -162,6 +167,8 @@ class Monitor(Node):
             if not key.startswith(PAIRS):
                 continue
             new = int(value) - int(before.get(key, 0))
+            if new:
+                self.last_news = time.monotonic()
             if key == PAIRS:
                 ledger.taken += new
             elif key == PAIRS_USED:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
-from binopos_ros.bag.qos import INFINITE_NS, Qos
+from binopos_ros.bag.qos import INFINITE_NS, Qos, played_as
 
 #: Enough for a second of images and centroids while a subscriber is held up.
 OFFERED_DEPTH = 30
@@ -16,10 +16,9 @@ REQUESTED_DEPTH = 100
 
 
 def profile_offered(recorded: Sequence[Qos]) -> QoSProfile:
-    """What the recorded publishers offered where they agreed; reliable and volatile elsewhere."""
-    offers = {(offer.reliability, offer.durability) for offer in recorded}
-    reliability, durability = offers.pop() if len(offers) == 1 else ('reliable', 'volatile')
-    return _profile(OFFERED_DEPTH, reliability != 'best_effort', durability == 'transient_local')
+    """What a player offers of what was recorded so."""
+    reliable, latched = played_as(recorded)
+    return _profile(OFFERED_DEPTH, reliable, latched)
 
 
 class Request(NamedTuple):
