@@ -55,7 +55,8 @@ from binopos_ros.parameters import build
 from binopos_ros.pipeline import make_platform
 from binopos_ros.sides import SIDES
 from binopos_ros.triangulation import triangulate
-from binopos_ros.triangulation.options import DOME, FLAT, TriangulatorOptions
+from binopos_ros.triangulation.options import TriangulatorOptions
+from binopos_ros.triangulation.surface_options import DOME, FLAT
 
 __all__ = ['HELP', 'add_arguments', 'main']
 

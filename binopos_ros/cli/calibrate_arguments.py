@@ -15,7 +15,7 @@ from binopos_ros.cli.config import add_config_argument
 from binopos_ros.cli.convert_calibration import add_convert_arguments
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments
 from binopos_ros.sides import SIDES
-from binopos_ros.triangulation.options import DOME, FLAT
+from binopos_ros.triangulation.surface_options import DOME, FLAT
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -14,8 +14,9 @@ from binopos_ros.optics.covariance_file import write_covariance
 from binopos_ros.optics.rig_files import camera_infos_from_stereo
 from binopos_ros.optics.rig_state import RigState
 from binopos_ros.optics.uncertain_rig import UncertainRig
-from binopos_ros.triangulation.options import InterfaceOptions, PortOptions, TriangulatorOptions
+from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Position, Triangulator
+from binopos_ros.triangulation.surface_options import InterfaceOptions, PortOptions
 from binopos_ros.triangulation.triangulate import triangulate
 
 CAMERA = PinholeCamera(
