@@ -111,6 +111,9 @@ def stage_of(state: RigState, **values: Any) -> Triangulator:
         'interface.normal': [float(x) for x in interface.normal],
         'interface.distance': interface.distance,
         'interface.indices': [float(x) for x in interface.indices],
+        'interface.normal_std': 0.0,
+        'interface.distance_std': 0.0,
+        'baseline_std': 0.0,
     }
     stage = Triangulator(build(TriangulatorOptions, options | values))
     for side, info in zip(('left', 'right'), camera_infos(state), strict=True):

@@ -289,15 +289,16 @@ def test_another_board_is_named(
     assert 'one of 9x6 is there' in line
 
 
-def test_mixed_picture_sizes_are_named(
+def test_a_picture_of_another_size_costs_its_pair_and_is_named(
     samples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for path in sorted(samples.glob('*0[1-5].jpg')):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     small = cv2.resize(cv2.imread(str(samples / 'left03.jpg')), (320, 240))
     cv2.imwrite(str(tmp_path / 'left03.jpg'), small)
-    line = line_of(words('calibrate stereo {at} --square 0.025', at=tmp_path), capsys)
-    assert 'left03.jpg' in line
+    out = words('-o {out}', out=tmp_path / 'calibration')
+    assert main(words('calibrate stereo {at} --square 0.025', at=tmp_path) + out) == 0
+    (line,) = [each for each in capsys.readouterr().out.splitlines() if 'left03.jpg' in each]
     assert '320x240' in line
     assert 'use one resolution' in line
 

@@ -52,6 +52,9 @@ def triangulator(**values: object) -> Triangulator:
         'interface.normal': NORMAL,
         'interface.distance': DISTANCE,
         'interface.indices': [1.0, INDEX],
+        'interface.normal_std': 0.0,
+        'interface.distance_std': 0.0,
+        'baseline_std': 0.0,
         'epipolar_gate': 0.0,
         'pair_tolerance': PERIOD / 2,
         # The water is, and what is looked at is the cameras' noise.

@@ -30,6 +30,9 @@ def stage(**values: float) -> Triangulator:
         'interface.normal': NORMAL,
         'interface.distance': DISTANCE,
         'interface.indices': [1.0, PRIOR],
+        'interface.normal_std': 0.0,
+        'interface.distance_std': 0.0,
+        'baseline_std': 0.0,
         'index.std': 0.02,
         **values,
     }

@@ -18,7 +18,7 @@ def concerns(calibration: StereoCalibration) -> list[str]:
     for name, camera in zip(SIDES, calibration.state.cameras, strict=True):
         if share := blind_share(camera):
             found.append(
-                f'{100 * share:.0f} % of the {name} picture has no ray in this lens model, and '
+                f'{100 * share:.2g} % of the {name} picture has no ray in this lens model, and '
                 'gives no position: show the board there, or try another --lens'
             )
     noise = np.sqrt(2.0) * corner_noise(calibration.views)
