@@ -1,13 +1,14 @@
 """The live nodes beside the plain pipeline that a user would write, on the same bag in one run.
 
-    python bench/live.py BAG [--rate 30] [--seconds 20] [--rounds 2] [--json FILE]
+    python bench/live.py [BAG] [--rate 30] [--seconds 20] [--rounds 2] [--json FILE]
 
-BAG is a bag of `binopos simulate` (JPEG). Its pictures are published again and again at a rate,
-with the present as their stamp, to one of the two at a time, in turns. A latency is the time from
-a pair's stamp to the arrival of its pose in this process; processor time is that of the processes
-that make the pose, all their threads, divided by the pairs sent; what gave no pose is lost. The
-plain pipeline is one rclpy node: OpenCV decodes, finds red by inRange, takes the moments and
-triangulates along straight rays; pairs by equal stamps alone, and no covariance and no filter.
+BAG is a bag of `binopos simulate` (JPEG); without it one is made. Its pictures are published again
+and again at a rate, with the present as their stamp, to one of the two at a time, in turns. A
+latency is the time from a pair's stamp to the arrival of its pose in this process; processor time
+is that of the processes that make the pose, all their threads, divided by the pairs sent; what gave
+no pose is lost. The plain pipeline is one rclpy node: OpenCV decodes, finds red by inRange, takes
+the moments and triangulates along straight rays; pairs by equal stamps alone, and no covariance and
+no filter.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import os
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -214,31 +216,43 @@ def main() -> int:
         plain()
         return 0
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
-    parser.add_argument('bag', type=Path)
+    parser.add_argument('bag', type=Path, nargs='?')
     parser.add_argument('--rate', type=float, default=30.0, help='pairs per second')
     parser.add_argument('--seconds', type=float, default=20.0)
     parser.add_argument('--rounds', type=int, default=2)
     parser.add_argument('--json', type=Path)
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = DOMAIN
+    with tempfile.TemporaryDirectory() as folder:
+        bag = options.bag
+        if bag is None:
+            bag = Path(folder) / 'washbowl'
+            words = [sys.executable, '-m', 'binopos_ros', 'simulate', '-o', str(bag)]
+            subprocess.run(words, check=True, capture_output=True)
+        results = measured(bag, options.rate, options.seconds, options.rounds)
+    if options.json:
+        options.json.write_text(json.dumps(results, indent=1) + '\n')
+    return 0
+
+
+def measured(bag: Path, rate: float, seconds: float, rounds: int) -> list[dict[str, Any]]:
+    """The figures of each round and pipeline, printed as they come."""
     from binopos_ros.detection import JPEG_DECODER
 
-    feed = Feed(options.bag)
+    feed = Feed(bag)
     names = (f'the suite ({JPEG_DECODER})', PLAIN)
     results = []
-    print(f'{options.rate:g} pairs/s, load {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores')
+    print(f'{rate:g} pairs/s, load {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores')
     print(f'{"":28}{"pairs":>7}{"lost":>7}{"median ms":>11}{"p99 ms":>9}{"CPU ms/pair":>13}')
-    for _, name in itertools.product(range(options.rounds), names):
-        found = feed.run(name, options.bag, options.rate, options.seconds)
-        results.append({**found, 'rate': options.rate, 'load': os.getloadavg()[0]})
+    for _, name in itertools.product(range(rounds), names):
+        found = feed.run(name, bag, rate, seconds)
+        results.append({**found, 'rate': rate, 'load': os.getloadavg()[0]})
         print(
             f'{name:28}{found["pairs"]:7d}{found["lost"]:7d}{found["median_ms"]:11.1f}'
             f'{found["p99_ms"]:9.1f}{found["cpu_ms_per_pair"]:13.1f}',
             flush=True,
         )
-    if options.json:
-        options.json.write_text(json.dumps(results, indent=1) + '\n')
-    return 0
+    return results
 
 
 if __name__ == '__main__':
