@@ -2,13 +2,13 @@
 
     python bench/live.py [BAG] [--rate 30] [--seconds 20] [--rounds 2] [--json FILE]
 
-BAG is a bag of `binopos simulate` (JPEG); without it one is made. Its pictures are published again
-and again at a rate, with the present as their stamp, to one of the two at a time, in turns. A
-latency is the time from a pair's stamp to the arrival of its pose in this process; processor time
-is that of the processes that make the pose, all their threads, divided by the pairs sent; what gave
-no pose is lost. The plain pipeline is one rclpy node: OpenCV decodes, finds red by inRange, takes
-the moments and triangulates along straight rays; pairs by equal stamps alone, and no covariance and
-no filter.
+BAG is a bag of `binopos simulate` (JPEG); without it one is made. Its pictures are published
+again and again at a rate, with the present as their stamp, to one of the two at a time, in
+turns. A latency is the time from a pair's stamp to the arrival of its pose in this process;
+processor time is that of the processes that make the pose, all their threads, divided by the
+pairs sent; what gave no pose is lost. The plain pipeline is one rclpy node: OpenCV decodes,
+finds red by inRange, takes the moments and triangulates along straight rays; pairs by equal
+stamps alone, and no covariance and no filter.
 """
 
 from __future__ import annotations
