@@ -131,12 +131,16 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _lossless(namespace: str, bag: RigBag) -> list[str]:
     """Words by which the nodes ask for every message where it is offered so."""
-    pictures = [topic for topic, role in bag.rig.roles.items() if role.is_image]
-    offered = [each for each in pictures if played_as(bag.topics[each].qos)[0]]
+    offered = {
+        topic: role for topic, role in bag.rig.roles.items() if played_as(bag.topics[topic].qos)[0]
+    }
     heard = {
-        'detector': offered,
+        'detector': [topic for topic, role in offered.items() if role.is_image],
         'triangulator': [f'{namespace}/{side}/centroid' for side in SIDES],
-        'smoother': [f'{namespace}/target/{part}' for part in ('position', *PARTS)],
+        'smoother': [
+            *(topic for topic, role in offered.items() if role.kind == 'odometry'),
+            *(f'{namespace}/target/{part}' for part in ('position', *PARTS)),
+        ],
     }
     return [
         word

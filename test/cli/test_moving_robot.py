@@ -210,8 +210,7 @@ def live(
     words = [word for value in values for word in ('-p', f'{nodes}:{value}')]
     # Every pair, however slow the machine.
     done = binopos(
-        *('replay', bag, '--rate', 0.5, '--ros-args', '-p', 'detector:newest_first:=false'),
-        *words,
+        *('replay', bag, '--rate', 0.5, '--wait-for-all-acked', 10000, '--ros-args'), *words
     )
     recorder.send_signal(2)
     _, errors = recorder.communicate(timeout=20)
@@ -225,7 +224,7 @@ def live(
 
 def agree(poses: dict[int, np.ndarray], rows: dict[int, dict[str, str]]) -> None:
     """The live nodes and `process` gave the same poses."""
-    assert len(poses) == PAIRS
+    assert len(poses) == PAIRS, sorted(poses)
     for stamp, row in rows.items():
         np.testing.assert_allclose(poses[stamp], [float(row[axis]) for axis in 'xyz'], atol=1e-9)
 
