@@ -6,6 +6,7 @@ look larger or smaller.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 from binopos_ros.sides import SIDES
 
 Array = NDArray[np.float64]
+
+AXES = np.vstack([np.eye(3), -np.eye(3)])
 
 MOST_OFF = 1.5
 """Largest factor between the two: blur, a hidden part and a diameter that is given in round
@@ -34,14 +37,24 @@ def other_size(
         diameter: of the target, m.
         seen: its diameter in each camera, px; 0 where a detector tells none.
     """
-    steps = diameter / 2 * np.vstack([np.eye(3), -np.eye(3)])
-    images = project(position + steps)
+    images = project(position + diameter / 2 * AXES)
     for side, image, across in zip(SIDES, images, seen, strict=True):
-        # The longest image that any diameter of a ball there has.
-        expected = float(np.linalg.norm(np.nan_to_num(image[:3] - image[3:]), 2))
+        expected = _longest(image[:3] - image[3:])
         if across > 0 and expected > 0 and not 1 / MOST_OFF <= across / expected <= MOST_OFF:
             return (
                 f'{side}: {across:.1f} px across, where a target of {diameter:g} m would look '
                 f'{expected:.1f} px'
             )
     return ''
+
+
+def _longest(axes: Array) -> float:
+    """The longest image, px, of a ball's diameters, by those of three (3, 2) at right angles.
+
+    It is the matrix's largest singular value; a diameter that is not seen whole counts nothing.
+    """
+    uu = uv = vv = 0.0
+    for u, v in axes.tolist():
+        if math.isfinite(u + v):
+            uu, uv, vv = uu + u * u, uv + u * v, vv + v * v
+    return math.sqrt((uu + vv) / 2 + math.hypot((uu - vv) / 2, uv))
