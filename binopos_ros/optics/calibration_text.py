@@ -7,6 +7,7 @@ Read are YAML, OpenCV's FileStorage (its YAML 1.0 with `!!opencv-matrix`, and it
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -41,6 +42,19 @@ def text_of(path: PathLike) -> str:
         msg = f'{path} is no calibration file: it is not text'
         raise OpticsError(msg)
     return octets.decode('latin-1')
+
+
+def write_lines(path: PathLike, lines: Iterable[str]) -> None:
+    """Write a calibration file, UTF-8.
+
+    Raises:
+        OpticsError: it cannot be written.
+    """
+    try:
+        Path(path).write_text('\n'.join(lines) + '\n', encoding='utf-8')
+    except OSError as error:
+        msg = f'cannot write {path}: {error.strerror}'
+        raise OpticsError(msg) from None
 
 
 def mapping_of(text: str, path: PathLike) -> dict[str, Any]:

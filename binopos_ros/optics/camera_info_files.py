@@ -10,12 +10,11 @@ import math
 import os
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import yaml
 
-from binopos_ros.optics.calibration_text import mapping_of, text_of
+from binopos_ros.optics.calibration_text import mapping_of, text_of, write_lines
 from binopos_ros.optics.camera_info import CameraInfo, CameraInfoWarning, Roi
 from binopos_ros.optics.camera_info_fields import (
     camera_info_of,
@@ -152,11 +151,7 @@ def write_camera_info(path: PathLike, info: CameraInfo) -> None:
             f'  width: {roi.width}',
             f'  do_rectify: {str(roi.do_rectify).lower()}',
         ]
-    try:
-        Path(path).write_text('\n'.join(lines) + '\n', encoding='utf-8')
-    except OSError as error:
-        msg = f'cannot write {path}: {error.strerror}'
-        raise OpticsError(msg) from None
+    write_lines(path, lines)
 
 
 def _one_line(name: str) -> str:

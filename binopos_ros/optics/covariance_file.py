@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from binopos_ros import plain_yaml
+from binopos_ros.optics.calibration_text import write_lines
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.rig_state import RigState
 
@@ -46,15 +47,11 @@ class ParameterCovariance:
 
 def write_covariance(path: Path, state: RigState, covariance: np.ndarray) -> None:
     """Write the covariance (P, P) of `state`'s parameters; numbers read back to the last bit."""
-    lines = ['names:', *(f'- {name}' for name in state.names), 'covariance:']
+    lines = [*HEADER.splitlines(), 'names:', *(f'- {name}' for name in state.names), 'covariance:']
     # Rounding leaves the two halves a little apart, where one deviation is far below another.
     for row in 0.5 * (covariance + covariance.T):
         lines.append(f'- [{", ".join(repr(float(value)) for value in row)}]')
-    try:
-        path.write_text(HEADER + '\n'.join(lines) + '\n', encoding='utf-8')
-    except OSError as error:
-        msg = f'cannot write {path}: {error.strerror}'
-        raise OpticsError(msg) from None
+    write_lines(path, lines)
 
 
 def read_covariance(path: Path) -> ParameterCovariance:

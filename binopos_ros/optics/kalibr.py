@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from binopos_ros.optics.calibration_text import write_lines
 from binopos_ros.optics.camera_info import (
     CameraInfo,
     lens_model,
@@ -92,10 +92,7 @@ def write_kalibr(path: PathLike, left: CameraInfo, right: CameraInfo) -> None:
             f'  resolution: [{info.width}, {info.height}]',
             f'  rostopic: /stereo/{SIDES[i]}/image_raw',
         ]
-    try:
-        Path(path).write_text('\n'.join(lines) + '\n', encoding='utf-8')
-    except OSError as error:
-        raise OpticsError(f'cannot write {path}: {error.strerror}') from None
+    write_lines(path, lines)
 
 
 def _camera(camera: Mapping[str, Any], name: str, where: str) -> CameraInfo:
