@@ -5,9 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import cv2
-import numpy as np
-
 from binopos_ros.calibration.cameras.alone import calibrate_alone
 from binopos_ros.calibration.cameras.lens import AUTO, LENSES
 from binopos_ros.calibration.errors import CalibrationError
@@ -16,6 +13,7 @@ from binopos_ros.calibration.report.summary import summarise_camera
 from binopos_ros.calibration.views.board import Board
 from binopos_ros.calibration.views.corners import find_board
 from binopos_ros.calibration.views.pairs import BoardPair, Dropped
+from binopos_ros.calibration.views.pictures import read_picture
 from binopos_ros.calibration.views.sources import SUFFIXES
 from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.progress import progress
@@ -45,7 +43,10 @@ def calibrate_one(arguments: argparse.Namespace, board: Board) -> int:
     sizes: set[tuple[int, int]] = set()
     with progress('searching for the board', len(paths)) as tick:
         for path in paths:
-            image = _grey(path)
+            try:
+                image = read_picture(path)
+            except CalibrationError:
+                image = None
             found = None if image is None else find_board(image, board, arguments.window)
             if image is None:
                 dropped.append(Dropped(path.name, 'no picture that can be read'))
@@ -71,9 +72,3 @@ def calibrate_one(arguments: argparse.Namespace, board: Board) -> int:
     for path in paths:
         print(f'written: {path}')
     return 0
-
-
-def _grey(path: Path) -> np.ndarray | None:
-    """The picture as the sensor has it: a calibration must not be turned by what EXIF says."""
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    return None if image is None else np.asarray(image)
