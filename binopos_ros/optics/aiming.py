@@ -1,11 +1,12 @@
-"""The ray to one point through planes at angles, on plain floats, by Newton's method.
+"""The ray to one point through planes at angles, a dome before them or not, on plain floats.
 
-A ray leaves the camera along (a, b, 1), is bent at each plane and lands on the plane through the
-target that is parallel to the last surface. Its derivatives by a and b are carried along, and
+A ray leaves the camera along (a, b, 1), is bent at each surface and lands on the plane through the
+target that is parallel to the last one. Its derivatives by a and b are carried along, and
 Newton's method asks that it lands on the target. As there is only one ray (see `crossing.py`), the
 one found is it; where Newton's method goes astray, near grazing, there is none found here, and
-`crossing.crossings` finds it more slowly from anywhere. The derivatives by the target and by its
-medium's index follow from the last step (implicit function theorem).
+`crossing.crossings` and, behind a dome, `landing` find it more slowly from anywhere. The
+derivatives by the target and by its medium's index follow from the last step (implicit function
+theorem).
 """
 
 from __future__ import annotations
@@ -14,9 +15,8 @@ from math import sqrt
 from typing import NamedTuple
 
 from binopos_ros.optics.arithmetic import FLOATS
-from binopos_ros.optics.surfaces import Surfaces
-
-Vector = tuple[float, float, float]
+from binopos_ros.optics.departure import Departure, Vector
+from binopos_ros.optics.surfaces import Row, Surfaces
 
 MAX_STEPS = 10
 #: Step of a and b that the next one would make about the square of.
@@ -33,11 +33,20 @@ class Aim(NamedTuple):
     a_by_index: float
     b_by_index: float
 
+    @property
+    def departure(self) -> Departure:
+        """The direction (a, b, 1) with its derivatives."""
+        return Departure(
+            (self.a, self.b, 1.0),
+            (self.a_by_target, self.b_by_target, (0.0, 0.0, 0.0)),
+            (self.a_by_index, self.b_by_index, 0.0),
+        )
 
-class _Landing(NamedTuple):
-    """Where a ray leaves the last plane and how it goes on from there, with derivatives by a, b.
 
-    `before` is the ray's direction before the last plane.
+class _Shot(NamedTuple):
+    """Where a ray leaves a surface and how it goes on from there, with derivatives by a, b.
+
+    `before` is the ray's direction before that surface.
     """
 
     position: Vector
@@ -47,26 +56,30 @@ class _Landing(NamedTuple):
     before: Vector
 
 
-def aim(surfaces: Surfaces, basis: tuple[Vector, ...], target: Vector) -> Aim | None:
+def aim(
+    surfaces: Surfaces, basis: tuple[Vector, ...], target: Vector, towards: Vector
+) -> Aim | None:
     """Return the ray from the camera's centre to a target beyond the last plane.
 
     Args:
         surfaces: at least one plane.
         basis: two unit vectors in the last plane.
         target: m, camera frame.
+        towards: where to start, any vector along a ray that passes the surfaces.
 
     Returns:
         None where Newton's method finds no ray; there may be one.
 
     """
     tx, ty, tz = target
-    if tz <= 0.0:
+    a, b, ahead = towards
+    if ahead <= 0.0:
         return None
-    a, b = tx / tz, ty / tz
+    a, b = a / ahead, b / ahead
     nx, ny, nz, *_ = surfaces.planes[-1]
     (px, py, pz), (qx, qy, qz) = basis
     for _ in range(MAX_STEPS):
-        ray = _shoot(surfaces.planes, a, b)
+        ray = _shoot(surfaces, a, b)
         if ray is None:
             return None
         (x, y, z), (xa, xb), (ux, uy, uz), (ua, ub), before = ray
@@ -116,17 +129,81 @@ def aim(surfaces: Surfaces, basis: tuple[Vector, ...], target: Vector) -> Aim | 
     )
 
 
-def _shoot(
-    planes: tuple[tuple[float, float, float, float, float], ...], a: float, b: float
-) -> _Landing | None:
-    """Follow a ray to the last plane; None where it is reflected or misses one."""
+def _shoot(surfaces: Surfaces, a: float, b: float) -> _Shot | None:
+    """Follow a ray beyond the last surface; None where it is reflected or misses one."""
     scale = 1.0 / sqrt(a * a + b * b + 1.0)
-    ux, uy, uz = a * scale, b * scale, scale
-    # Derivatives of the unit direction by a (v) and b (w), of the place by a (f) and b (g).
-    vx, vy, vz = (1.0 - ux * ux) * scale, -ux * uy * scale, -ux * uz * scale
-    wx, wy, wz = -uy * ux * scale, (1.0 - uy * uy) * scale, -uy * uz * scale
-    x = y = z = fx = fy = fz = gx = gy = gz = 0.0
-    before = ux, uy, uz
+    ux, uy, uz = u = a * scale, b * scale, scale
+    by_a = (1.0 - ux * ux) * scale, -ux * uy * scale, -ux * uz * scale
+    by_b = -uy * ux * scale, (1.0 - uy * uy) * scale, -uy * uz * scale
+    zero = 0.0, 0.0, 0.0
+    start = _Shot(zero, (zero, zero), u, (by_a, by_b), u)
+    shot = _through_spheres(surfaces.spheres, start) if surfaces.spheres else start
+    return None if shot is None else _through_planes(surfaces.planes, shot)
+
+
+def _through_spheres(spheres: tuple[Row, ...], shot: _Shot) -> _Shot | None:
+    (x, y, z), (by_a, by_b), (ux, uy, uz), (turned_a, turned_b), before = shot
+    fx, fy, fz = by_a
+    gx, gy, gz = by_b
+    vx, vy, vz = turned_a
+    wx, wy, wz = turned_b
+    for cx, cy, cz, radius, ratio in spheres:
+        before = ux, uy, uz
+        rx, ry, rz = x - cx, y - cy, z - cz
+        foot = rx * ux + ry * uy + rz * uz
+        half = sqrt(radius * radius - (rx * rx + ry * ry + rz * rz) + foot * foot)
+        reach, cosine = half - foot, half / radius
+        square = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
+        if square <= 0.0:
+            return None
+        root = sqrt(square)
+        along = root - ratio * cosine
+        bend = ratio * (ratio * cosine / root - 1.0)  # d along / d cosine
+        shift = along / radius  # the normal turns by the place over the radius
+        x, y, z = x + reach * ux, y + reach * uy, z + reach * uz
+        nx, ny, nz = (x - cx) / radius, (y - cy) / radius, (z - cz) / radius
+        turn = fx * ux + fy * uy + fz * uz + rx * vx + ry * vy + rz * vz
+        spread = (foot * turn - (rx * fx + ry * fy + rz * fz)) / half
+        turn, spread = spread - turn, bend * spread / radius
+        fx, fy, fz = (
+            fx + turn * ux + reach * vx,
+            fy + turn * uy + reach * vy,
+            fz + turn * uz + reach * vz,
+        )
+        vx, vy, vz = (
+            ratio * vx + spread * nx + shift * fx,
+            ratio * vy + spread * ny + shift * fy,
+            ratio * vz + spread * nz + shift * fz,
+        )
+        turn = gx * ux + gy * uy + gz * uz + rx * wx + ry * wy + rz * wz
+        spread = (foot * turn - (rx * gx + ry * gy + rz * gz)) / half
+        turn, spread = spread - turn, bend * spread / radius
+        gx, gy, gz = (
+            gx + turn * ux + reach * wx,
+            gy + turn * uy + reach * wy,
+            gz + turn * uz + reach * wz,
+        )
+        wx, wy, wz = (
+            ratio * wx + spread * nx + shift * gx,
+            ratio * wy + spread * ny + shift * gy,
+            ratio * wz + spread * nz + shift * gz,
+        )
+        ux, uy, uz = ratio * ux + along * nx, ratio * uy + along * ny, ratio * uz + along * nz
+    return _Shot(
+        (x, y, z),
+        ((fx, fy, fz), (gx, gy, gz)),
+        (ux, uy, uz),
+        ((vx, vy, vz), (wx, wy, wz)),
+        before,
+    )
+
+
+def _through_planes(planes: tuple[Row, ...], shot: _Shot) -> _Shot | None:
+    (x, y, z), (by_a, by_b), (ux, uy, uz), (turned_a, turned_b), before = shot
+    fx, fy, fz = by_a
+    gx, gy, gz = by_b
+    vx, vy, vz = turned_a
+    wx, wy, wz = turned_b
     for nx, ny, nz, offset, ratio in planes:
         before = ux, uy, uz
         cosine = ux * nx + uy * ny + uz * nz
@@ -160,7 +237,7 @@ def _shoot(
         wx, wy, wz = ratio * wx + turn * nx, ratio * wy + turn * ny, ratio * wz + turn * nz
         x, y, z = x + reach * ux, y + reach * uy, z + reach * uz
         ux, uy, uz = ratio * ux + along * nx, ratio * uy + along * ny, ratio * uz + along * nz
-    return _Landing(
+    return _Shot(
         (x, y, z),
         ((fx, fy, fz), (gx, gy, gz)),
         (ux, uy, uz),

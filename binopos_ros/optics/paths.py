@@ -120,9 +120,7 @@ class CrossingPath:
         """Return the direction scaled to z = 1, and its derivatives by shooting."""
         aimed = self._aim(point, arithmetic)
         if aimed is not None:
-            a, b, a_by_point, b_by_point, a_by_index, b_by_index = aimed
-            by_point = a_by_point, b_by_point, (0.0, 0.0, 0.0)
-            return Departure((a, b, 1.0), by_point, (a_by_index, b_by_index, 0.0))
+            return aimed.departure
         vx, vy, vz = self.direction(point, arithmetic)
         a, b = vx / vz, vy / vz
         by_target, by_parameters = image_plane_jacobian(
@@ -142,9 +140,9 @@ class CrossingPath:
         x, y, z = point
         nx, ny, nz, offset, _ = self._surfaces.planes[-1]
         # Only beyond the last plane is there a ray to be found; nan is not.
-        return (
-            aim(self._surfaces, self._basis, point) if x * nx + y * ny + z * nz > offset else None
-        )
+        if not x * nx + y * ny + z * nz > offset:
+            return None
+        return aim(self._surfaces, self._basis, point, point)
 
 
 def path_through(surfaces: Surfaces) -> Path:
