@@ -1,7 +1,8 @@
 """Is the lens model right? Rigs of narrow lenses of five terms and of wide equidistant ones.
 
-python bench/calibration/lenses.py              50 rigs of each kind; half an hour
-python bench/calibration/lenses.py --rigs 5     fewer
+python bench/calibration/lenses.py                     50 rigs of each kind; half an hour
+python bench/calibration/lenses.py --rigs 5            fewer
+python bench/calibration/lenses.py --results FILE      go on where an earlier run has ended
 
 The lens is right where it is Brown's for a Brown lens and another for a wide one, every good pair
 is kept, every pixel has a ray, and held-out errors are within 1.1 of the corners' noise.
@@ -10,11 +11,13 @@ is kept, every pixel has a ray, and held-out errors are within 1.1 of the corner
 from __future__ import annotations
 
 import argparse
+import json
+from pathlib import Path
 
 import numpy as np
 
 from binopos_ros.calibration.cameras.lens import blind_share
-from binopos_ros.calibration.cameras.stereo import StereoCalibration, calibrate_stereo
+from binopos_ros.calibration.cameras.stereo import calibrate_stereo
 from binopos_ros.calibration.views.board import Board
 from binopos_ros.calibration.views.corners import BoardView
 from binopos_ros.calibration.views.pairs import BoardPair
@@ -55,31 +58,55 @@ def see(kind: str, rng: np.random.Generator) -> list[BoardPair]:
     return pairs
 
 
-def is_right(kind: str, result: StereoCalibration) -> bool:
-    """Whether both lenses are of the kind that they were."""
+def judge(kind: str, seed: int) -> dict[str, float]:
+    """Calibrate one rig: whether both lenses are of its kind, and what it shows for it."""
+    pairs = see(kind, np.random.default_rng(300 + seed))
+    result = calibrate_stereo(pairs, BOARD, (SIZE, SIZE))
     five = [len(camera.lens) == 5 for camera in result.state.cameras]
-    return all(five) if kind == 'brown' else not any(five)
+    return {
+        'right': all(five) if kind == 'brown' else not any(five),
+        'dropped': len(result.dropped),
+        'blind': max(blind_share(camera) for camera in result.state.cameras),
+        'held_out': result.held_out.rms / (np.sqrt(2.0) * NOISE),
+    }
+
+
+def table(found: dict[str, dict[str, float]], rigs: int) -> str:
+    """A row for each kind of lens."""
+    lines = [
+        '| lens | right | pairs dropped | pixels without a ray | held out / noise, worst |',
+        '|---|---|---|---|---|',
+    ]
+    for kind in KINDS:
+        own = [found[f'{kind} {seed}'] for seed in range(rigs)]
+        right, dropped = (sum(one[key] for one in own) for key in ('right', 'dropped'))
+        blind, worst = (max(one[key] for one in own) for key in ('blind', 'held_out'))
+        cells = f'{right:g} of {rigs} | {dropped:g} | {100 * blind:.1f} % | {worst:.3f}'
+        lines.append(f'| {kind} | {cells} |')
+    return '\n'.join(lines)
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--rigs', type=int, default=50)
-    rigs = parser.parse_args().rigs
-    print('| lens | right | pairs dropped | pixels without a ray | held out / noise, worst |')
-    print('|---|---|---|---|---|')
-    for kind in KINDS:
-        right = dropped = 0
-        blind, worst = 0.0, 0.0
-        for seed in range(rigs):
-            pairs = see(kind, np.random.default_rng(300 + seed))
-            result = calibrate_stereo(pairs, BOARD, (SIZE, SIZE))
-            right += is_right(kind, result)
-            dropped += len(result.dropped)
-            blind = max(blind, *(blind_share(camera) for camera in result.state.cameras))
-            worst = max(worst, result.held_out.rms / (np.sqrt(2.0) * NOISE))
-        cells = f'{right} of {rigs} | {dropped} | {100 * blind:.1f} % | {worst:.3f}'
-        print(f'| {kind} | {cells} |', flush=True)
+    parser.add_argument('--results', type=Path, help='keeps the rigs that were done')
+    arguments = parser.parse_args()
+    kept: Path | None = arguments.results
+    found: dict[str, dict[str, float]] = {}
+    if kept is not None and kept.exists():
+        found = dict(json.loads(line) for line in kept.read_text(encoding='utf-8').splitlines())
+    # By turns, so that what an interrupted run has done is of both kinds.
+    for seed in range(arguments.rigs):
+        for kind in KINDS:
+            name = f'{kind} {seed}'
+            if name in found:
+                continue
+            found[name] = judge(kind, seed)
+            if kept is not None:
+                with kept.open('a', encoding='utf-8') as file:
+                    file.write(json.dumps([name, found[name]]) + '\n')
+    print(table(found, arguments.rigs))
 
 
 if __name__ == '__main__':

@@ -16,7 +16,7 @@ import numpy as np
 from binopos_ros.calibration.cameras.rigidity import FEWEST_PAIRS
 from binopos_ros.calibration.cameras.stereo import calibrate_stereo
 from binopos_ros.calibration.check.daily import check
-from binopos_ros.calibration.check.doubled import counted_twice
+from binopos_ros.calibration.check.doubled import refraction
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface.calibrate import calibrate_interface
 from binopos_ros.calibration.interface.guesses import Guess
@@ -210,9 +210,10 @@ def _check(arguments: argparse.Namespace) -> int:
     )
     found = triangulate(rig, *seen)
     straight = triangulate(state.rig(), *seen)
-    twice = counted_twice(rig, found.points, found.residuals, straight.points, straight.residuals)
-    if twice:
-        print(twice)
+    twice = refraction(rig, found.points, found.residuals, straight.points, straight.residuals)
+    if twice.text:
+        print(twice.text)
+    if twice.is_twice:
         return NOT_HOLDING
     result = check(rig, found.points, found.residuals, covariance)
     print(result.text)

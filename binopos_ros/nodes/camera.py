@@ -37,7 +37,7 @@ from binopos_ros.nodes.camera_controls import ControlParameters
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.messages import header
 from binopos_ros.nodes.shell import StageNode
-from binopos_ros.nodes.transforms import offer_right_under_left
+from binopos_ros.nodes.transforms import RightUnderLeft
 from binopos_ros.optics.camera_info import CameraInfo as Calibration
 from binopos_ros.optics.camera_info import stereo_contradictions, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_message import camera_info_fields
@@ -128,9 +128,10 @@ class CameraNode(StageNode):
         for side, calibration in self._calibrations.items():
             self._publish_with(side, calibration)
         self._frame_ids = {'left': options.left.frame_id, 'right': options.right.frame_id}
+        self._frames: RightUnderLeft | None = None
         if options.publish_tf:
-            frames = options.left.frame_id, options.right.frame_id
-            self._frames = offer_right_under_left(self, frames, self._calibrations)
+            self._frames = RightUnderLeft(self, (options.left.frame_id, options.right.frame_id))
+            self._frames.publish(self._calibrations)
 
     def _publish_with(self, side: str, calibration: Calibration) -> None:
         """Send this calibration along with the images of a side from now on."""
@@ -143,19 +144,22 @@ class CameraNode(StageNode):
         self._calibrations[side] = calibration
         self._publish_with(side, calibration)
         self._diagnostics.caution(side, '; '.join(calibration.contradictions()))
-        self._judge_pair()
+        if self._judge_pair() and self._frames is not None:
+            self._frames.publish(self._calibrations)
 
-    def _judge_pair(self) -> None:
+    def _judge_pair(self) -> bool:
+        """Tell what speaks against the pair of calibrations; whether they make a rig at all."""
         if len(self._calibrations) < len(SIDES):
-            return
+            return False
         left, right = (self._calibrations[side] for side in SIDES)
         try:
             stereo_from_camera_infos(left, right)
-            told = stereo_contradictions(left, right)
+            rig, told = True, stereo_contradictions(left, right)
         except ValueError as error:
             # Calibrators commit one side after the other.
-            told = [str(error)]
+            rig, told = False, [str(error)]
         self._diagnostics.caution('pair', '; '.join(told))
+        return rig
 
     def _on_frame(self, source: str, frame: Frame, form: Format) -> None:
         if form.pixel_format in JPEG_FORMATS:

@@ -7,7 +7,6 @@ from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 
 from binopos_ros.nodes import messages
@@ -52,30 +51,36 @@ def transform(
     return made
 
 
-def offer_right_under_left(
-    node: Node, frames: tuple[str, str], calibrations: Mapping[str, CameraInfo]
-) -> Publisher:
-    """Publish where the right camera's frame is in the left one's, for all who come.
+class RightUnderLeft:
+    """Tells where the right camera's frame is in the left one's, all who come.
 
     Args:
         node: gets the publisher.
         frames: of the left and the right camera.
-        calibrations: by side.
 
     Raises:
-        ParameterError: a calibration is missing, or the message package.
-        OpticsError: the calibrations make no rig.
+        ParameterError: the message package is missing.
     """
-    if len(calibrations) < 2:
-        msg = 'publish_tf needs left.camera_info_url and right.camera_info_url: set both'
-        raise ParameterError(msg)
-    kind = tf_message('publish_tf')
-    _, _, rotation, translation = stereo_from_camera_infos(
-        calibrations['left'], calibrations['right']
-    )
-    publisher = node.create_publisher(kind, TF_STATIC, latched())
-    place = -rotation.T @ translation
-    stamp = node.get_clock().now().nanoseconds
-    made = transform(stamp, *frames, place, quaternion_of(rotation.T))
-    publisher.publish(kind(transforms=[made]))
-    return publisher
+
+    def __init__(self, node: Node, frames: tuple[str, str]) -> None:
+        self._message = tf_message('publish_tf')
+        self._node, self._frames = node, frames
+        self._publisher = node.create_publisher(self._message, TF_STATIC, latched())
+
+    def publish(self, calibrations: Mapping[str, CameraInfo]) -> None:
+        """Send it as it follows from the calibrations by side, in place of what was sent before.
+
+        Raises:
+            ParameterError: a calibration is missing.
+            OpticsError: the calibrations make no rig.
+        """
+        if len(calibrations) < 2:
+            msg = 'publish_tf needs left.camera_info_url and right.camera_info_url: set both'
+            raise ParameterError(msg)
+        _, _, rotation, translation = stereo_from_camera_infos(
+            calibrations['left'], calibrations['right']
+        )
+        place = -rotation.T @ translation
+        stamp = self._node.get_clock().now().nanoseconds
+        made = transform(stamp, *self._frames, place, quaternion_of(rotation.T))
+        self._publisher.publish(self._message(transforms=[made]))

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.interface import (
+    LEAST_INDEX,
     Interface,
     Walls,
     changed_indices,
@@ -101,12 +102,14 @@ class DomePort(Interface):
         Raises:
             OpticsError: such a dome cannot exist.
         """
-        return DomePort(
+        other = DomePort(
             self.centre + [change.get(f'centre.{i}', 0.0) for i in range(3)],
             self.radius + change.get('radius', 0.0),
             self.thickness + change.get('thicknesses.0', 0.0),
-            changed_indices(self.indices, change),
+            np.maximum(self.indices, LEAST_INDEX),
         )
+        other.indices = changed_indices(self.indices, change)
+        return other
 
     def change_since(self, other: Interface) -> dict[str, float]:
         """Return the change of its own parameters that leads here from another dome."""

@@ -18,8 +18,10 @@ from binopos_ros.optics.errors import OpticsError
 
 FloatArray = NDArray[np.float64]
 
-#: No medium is thinner than a vacuum, but an estimate of air's index scatters about 1.
-LEAST_INDEX, GREATEST_INDEX = 0.9, 4.0
+#: No medium is thinner than a vacuum.
+LEAST_INDEX, GREATEST_INDEX = 1.0, 4.0
+#: But an estimate of air's index scatters about 1, and so do the rigs that it goes through.
+LEAST_TRIED = 0.9
 
 
 TARGET_INDEX = 'target_index'
@@ -173,12 +175,14 @@ class FlatInterface(Interface):
         Raises:
             OpticsError: such an interface cannot exist.
         """
-        return FlatInterface(
+        other = FlatInterface(
             self.tilted(change.get('normal.0', 0.0), change.get('normal.1', 0.0)),
             self.distance + change.get('distance', 0.0),
-            changed_indices(self.indices, change),
+            np.maximum(self.indices, LEAST_INDEX),
             [t + change.get(f'thicknesses.{i}', 0.0) for i, t in enumerate(self.thicknesses)],
         )
+        other.indices = changed_indices(self.indices, change)
+        return other
 
     def change_since(self, other: Interface) -> dict[str, float]:
         """Return the change of its own parameters that leads here from another flat one."""
@@ -217,10 +221,15 @@ def layer_names(thicknesses: Sequence[float]) -> tuple[str, ...]:
     )
 
 
-def changed_indices(indices: Sequence[float], change: Mapping[str, float]) -> list[float]:
-    """Return indices after changes by name."""
+def changed_indices(indices: Sequence[float], change: Mapping[str, float]) -> tuple[float, ...]:
+    """Return indices after changes by name; a step may leave one below 1.
+
+    Raises:
+        OpticsError: one of them is far from what a clear medium has.
+    """
     names = [*(f'indices.{i}' for i in range(len(indices) - 1)), TARGET_INDEX]
-    return [n + change.get(name, 0.0) for n, name in zip(indices, names, strict=True)]
+    changed = (n + change.get(name, 0.0) for n, name in zip(indices, names, strict=True))
+    return tuple(_index(n, i, LEAST_TRIED) for i, n in enumerate(changed))
 
 
 def layer_changes(new: Interface, old: Interface) -> dict[str, float]:
@@ -259,7 +268,11 @@ def positive(value: float, what: str) -> float:
 
 def clear_index(value: float, place: int) -> float:
     """Return the refractive index of a clear medium, or say that there is none such."""
-    if not (math.isfinite(value) and LEAST_INDEX < value <= GREATEST_INDEX):
+    return _index(value, place, LEAST_INDEX)
+
+
+def _index(value: float, place: int, least: float) -> float:
+    if not (math.isfinite(value) and least <= value <= GREATEST_INDEX):
         msg = f'indices[{place}] = {value:g} is no refractive index of a clear medium (1 to 4)'
         raise OpticsError(msg)
     return float(value)

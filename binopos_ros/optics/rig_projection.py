@@ -78,15 +78,26 @@ def project_straight(
         return np.zeros((0, 2)), np.zeros((0, 2, 3)), np.zeros((0, 2, 4 + len(camera.lens)))
     ahead = np.isfinite(points).all(axis=1) & (points[:, 2] > 0)
     safe = np.where(ahead[:, None], points, [0.0, 0.0, 1.0])
-    if camera.model == EQUIDISTANT:
-        pixels, by_point, by_camera = _project_equidistant(camera, safe)
-        return np.where(ahead[:, None], pixels, np.nan), by_point, by_camera
+    straight = _project_equidistant if camera.model == EQUIDISTANT else _project_brown
+    pixels, by_point, by_camera = straight(camera, safe)
+    if camera.skew:
+        # u is moved by the skew times the lens's own y, which fy and cy leave alone.
+        share = camera.skew / camera.focal[1]
+        pixels[:, 0] += share * (pixels[:, 1] - camera.centre[1])
+        by_point[:, 0] += share * by_point[:, 1]
+        by_camera[:, 0, 4:] += share * by_camera[:, 1, 4:]
+    return np.where(ahead[:, None], pixels, np.nan), by_point, by_camera
+
+
+def _project_brown(
+    camera: Camera, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     zero = np.zeros(3)
     lens = camera.lens if len(camera.lens) else np.zeros(4)
-    pixels, jacobian = cv2.projectPoints(safe.reshape(-1, 1, 3), zero, zero, camera.matrix, lens)
-    pixels = np.where(ahead[:, None], pixels.reshape(-1, 2), np.nan)
+    pixels, jacobian = cv2.projectPoints(points.reshape(-1, 1, 3), zero, zero, camera.matrix, lens)
     jacobian = jacobian.reshape(len(points), 2, -1)
-    return pixels, jacobian[:, :, 3:6], jacobian[:, :, 6 : 10 + len(camera.lens)]
+    by_point, by_camera = jacobian[:, :, 3:6], jacobian[:, :, 6 : 10 + len(camera.lens)]
+    return pixels.reshape(-1, 2), by_point, by_camera
 
 
 def _project_equidistant(

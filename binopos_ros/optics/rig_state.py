@@ -33,23 +33,27 @@ SHARED, LEFT_PORT, RIGHT_PORT = 'interface', 'left_port', 'right_port'
 
 @dataclass(frozen=True)
 class Camera:
-    """focal: (fx, fy) px; centre: (cx, cy) px; lens: the distortion terms of its model."""
+    """focal: (fx, fy) px; centre: (cx, cy) px; lens: the distortion terms of its model.
+
+    The skew (px, K[0, 1]) is no parameter: it stays what it is.
+    """
 
     focal: np.ndarray
     centre: np.ndarray
     lens: np.ndarray
     size: tuple[int, int]
     model: str = BROWN
+    skew: float = 0.0
 
     @property
     def matrix(self) -> np.ndarray:
         """(3, 3) K."""
         (fx, fy), (cx, cy) = self.focal, self.centre
-        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        return np.array([[fx, self.skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
     @classmethod
     def of(cls, camera: PinholeCamera) -> Camera:
-        """The parameters of a camera without skew."""
+        """The parameters of a camera."""
         matrix = np.asarray(camera.matrix)
         return cls(
             matrix[[0, 1], [0, 1]].copy(),
@@ -57,6 +61,7 @@ class Camera:
             np.array(camera.distortion, float).ravel(),
             (int(camera.size[0]), int(camera.size[1])),
             camera.model,
+            float(matrix[0, 1]),
         )
 
     def pinhole(self) -> PinholeCamera:

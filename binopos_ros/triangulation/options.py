@@ -16,8 +16,15 @@ from binopos_ros.triangulation.errors import TriangulationError
 from binopos_ros.triangulation.index import IndexEstimator
 from binopos_ros.triangulation.medium import may_wave
 from binopos_ros.triangulation.seawater import index_prior
-from binopos_ros.triangulation.surface_options import HalfGivenError, InterfaceOptions, PortOptions
+from binopos_ros.triangulation.surface_options import (
+    UNSTATED,
+    Deviation,
+    HalfGivenError,
+    InterfaceOptions,
+    PortOptions,
+)
 
+USUAL_BASELINE = 0.005  # of the baseline, by a printed board's scale
 METHODS = ('refractive', 'paper', 'straight')
 
 
@@ -224,11 +231,11 @@ class TriangulatorOptions(LocatorOptions):
         'normal_std, distance_std and baseline_std',
     )
     baseline_std: float = option(
-        0.005,
+        UNSTATED,
         'standard deviation of the baseline as a share of it, where calibration_covariance does '
-        'not tell it; 0: exact',
+        'not tell it; 0: exact; below 0: not stated, then 0.005',
         '1',
-        (0.0, 0.5),
+        (UNSTATED, 0.5),
     )
     interface: InterfaceOptions = field(default_factory=InterfaceOptions)
     left_port: PortOptions = field(default_factory=PortOptions)
@@ -258,8 +265,15 @@ class TriangulatorOptions(LocatorOptions):
         """Whether the rig's own uncertainty is carried on to the positions."""
         if self.method != 'refractive':
             return False
-        stated = (std for place in self.places.values() for std in place.deviations.values())
-        return bool(self.calibration_covariance) or self.baseline_std > 0 or any(stated)
+        own = (std for place in self.places.values() for std in place.deviations.values())
+        return bool(self.calibration_covariance) or any(
+            std.value > 0 for std in (self.baseline_deviation, *own)
+        )
+
+    @property
+    def baseline_deviation(self) -> Deviation:
+        """Of the baseline, as a share of it."""
+        return Deviation.of(self.baseline_std, USUAL_BASELINE)
 
     @property
     def places(self) -> dict[str, InterfaceOptions]:

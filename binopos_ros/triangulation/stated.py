@@ -54,13 +54,14 @@ def stated_errors(
         for option, std in given.deviations.items():
             for axis in AXES[option]:
                 at = names.index(f'{place}.{axis}')
-                covariance[at, at] = std**2
-            if std == getattr(type(given), option):
+                covariance[at, at] = std.value**2
+            if not std.stated:
                 defaults.append(f'{place}.{option}')
     if 'translation.x' not in calibrated:
         along = [names.index(f'translation.{axis}') for axis in 'xyz']
-        error = options.baseline_std * rig.translation
+        std = options.baseline_deviation
+        error = std.value * rig.translation
         covariance[np.ix_(along, along)] += np.outer(error, error)
-        if options.baseline_std == TriangulatorOptions.baseline_std:
+        if not std.stated:
             defaults.append('baseline_std')
     return Stated(covariance, tuple(defaults))

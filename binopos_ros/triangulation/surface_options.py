@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from binopos_ros.optics import DomePort, FlatInterface
 from binopos_ros.optics.interface import Interface
@@ -10,6 +11,22 @@ from binopos_ros.parameters import UnfinishedError, option
 from binopos_ros.triangulation.errors import TriangulationError
 
 FLAT, DOME = 'flat', 'dome'
+
+UNSTATED = -1.0
+#: What a protractor and a ruler do.
+USUAL_NORMAL, USUAL_DISTANCE, USUAL_CENTRE = 0.0175, 0.005, 0.002  # rad, m, m
+
+
+class Deviation(NamedTuple):
+    """A standard deviation, and whether the rig's owner has stated it."""
+
+    value: float
+    stated: bool
+
+    @classmethod
+    def of(cls, option: float, usual: float) -> Deviation:
+        """What an option says; the usual deviation where it says nothing."""
+        return cls(option, True) if option >= 0.0 else cls(usual, False)
 
 
 class HalfGivenError(TriangulationError, UnfinishedError):
@@ -33,24 +50,27 @@ class InterfaceOptions:
         (), 'of the layers between the first and the last medium', 'm', (0.0, 100.0)
     )
     normal_std: float = option(
-        0.0175,
+        UNSTATED,
         'standard deviation of the normal about either axis, where calibration_covariance does '
-        'not tell it; 0: exact',
+        'not tell it; 0: exact; below 0: not stated, then 0.0175',
         'rad',
-        (0.0, 0.5),
+        (UNSTATED, 0.5),
     )
     distance_std: float = option(
-        0.005,
+        UNSTATED,
         'standard deviation of the distance, where calibration_covariance does not tell it; '
-        '0: exact',
+        '0: exact; below 0: not stated, then 0.005',
         'm',
-        (0.0, 1.0),
+        (UNSTATED, 1.0),
     )
 
     @property
-    def deviations(self) -> dict[str, float]:
+    def deviations(self) -> dict[str, Deviation]:
         """By option, the standard deviations that hold for what is given."""
-        return {'normal_std': self.normal_std, 'distance_std': self.distance_std}
+        return {
+            'normal_std': Deviation.of(self.normal_std, USUAL_NORMAL),
+            'distance_std': Deviation.of(self.distance_std, USUAL_DISTANCE),
+        }
 
     def build(self, name: str) -> Interface | None:
         """The interface, or None where nothing was given.
@@ -97,17 +117,19 @@ class PortOptions(InterfaceOptions):
     )
     radius: float = option(0.0, "of a dome's inner sphere", 'm', (0.0, 10.0))
     centre_std: float = option(
-        0.002,
+        UNSTATED,
         "standard deviation of a dome's centre along each axis, where calibration_covariance does "
-        'not tell it; 0: exact',
+        'not tell it; 0: exact; below 0: not stated, then 0.002',
         'm',
-        (0.0, 1.0),
+        (UNSTATED, 1.0),
     )
 
     @property
-    def deviations(self) -> dict[str, float]:
+    def deviations(self) -> dict[str, Deviation]:
         """By option, the standard deviations that hold for what is given."""
-        return {'centre_std': self.centre_std} if self.shape == DOME else super().deviations
+        if self.shape != DOME:
+            return super().deviations
+        return {'centre_std': Deviation.of(self.centre_std, USUAL_CENTRE)}
 
     def build(self, name: str) -> Interface | None:
         """The port, or None where nothing was given.

@@ -10,7 +10,7 @@ import pytest
 
 from binopos_ros.calibration.check import daily
 from binopos_ros.calibration.check.daily import DailyCheck
-from binopos_ros.calibration.check.doubled import counted_twice
+from binopos_ros.calibration.check.doubled import Refraction, refraction
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.targets import Blob, TargetPair
 from binopos_ros.optics import PinholeCamera, StereoRig
@@ -93,12 +93,12 @@ def test_waves_widen_the_scatter_but_raise_no_alarm(rig: StereoRig) -> None:
     assert result.scatter > 0.4
 
 
-@pytest.mark.parametrize('seed', [1, 2])
-def test_cameras_calibrated_in_water_and_ports_on_top_are_found(
-    rig_maker: Any, board_viewer: Any, seed: int
+@pytest.mark.parametrize(('kind', 'seed'), [('ports', 1), ('surface', 2), ('wall', 3)])
+def test_cameras_calibrated_in_water_and_an_interface_on_top_are_found(
+    rig_maker: Any, board_viewer: Any, kind: str, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
-    truth, depths = rig_maker('ports', rng)
+    truth, depths = rig_maker(kind, rng)
     views = board_viewer(truth, depths, rng, 8, 0.05, (15.0, 45.0), (0.6, 0.5))
     boards = [view.points.astype(np.float32) for view in views]
     sides = [[view.pixels[side].astype(np.float32) for view in views] for side in (0, 1)]
@@ -109,21 +109,46 @@ def test_cameras_calibrated_in_water_and_ports_on_top_are_found(
     assert wet[1][0, 0] > 1.3 * truth.left.matrix[0, 0]
     cameras = [PinholeCamera(wet[i], wet[i + 1].ravel(), size) for i in (1, 3)]
     pose = wet[5], wet[6].ravel()
-    ports = {'left_port': truth.left_port, 'right_port': truth.right_port}
-
-    depth = rng.uniform(*depths, 200)
-    aside = rng.uniform([-0.3, -0.25], [0.3, 0.25], (200, 2)) * depth[:, None]
-    points = np.column_stack([0.06 + aside[:, 0], aside[:, 1], depth])
-    seen = [p + rng.normal(scale=0.1, size=p.shape) for p in truth.project(points)]
-
-    def verdict_on(rig: StereoRig, air: StereoRig) -> str:
-        bent, straight = triangulate(rig, *seen), triangulate(air, *seen)
-        return counted_twice(rig, bent.points, bent.residuals, straight.points, straight.residuals)
-
-    words = verdict_on(StereoRig(*cameras, *pose, **ports), StereoRig(*cameras, *pose))
-    assert 'counted twice' in words
+    media = {
+        'interface': truth.interface,
+        'left_port': truth.left_port,
+        'right_port': truth.right_port,
+    }
+    wet_rig, wet_air = StereoRig(*cameras, *pose, **media), StereoRig(*cameras, *pose)
     bare = StereoRig(truth.left, truth.right, truth.rotation, truth.translation)
-    assert verdict_on(truth, bare) == ''
+
+    def seen(reach: float) -> list[np.ndarray]:
+        depth = rng.uniform(*depths, 200)
+        aside = rng.uniform([-reach, -0.8 * reach], [reach, 0.8 * reach], (200, 2))
+        middle = -(truth.rotation.T @ truth.translation)[:2] / 2.0
+        points = np.column_stack([middle + aside * depth[:, None], depth])
+        return [p + rng.normal(scale=0.1, size=p.shape) for p in truth.project(points)]
+
+    def found(rig: StereoRig, air: StereoRig, pixels: list[np.ndarray]) -> Refraction:
+        bent, straight = triangulate(rig, *pixels), triangulate(air, *pixels)
+        return refraction(rig, bent.points, bent.residuals, straight.points, straight.residuals)
+
+    pixels = seen(0.3)
+    twice = found(wet_rig, wet_air, pixels)
+    assert twice.is_twice
+    assert 'counted twice' in twice.text
+    once = found(truth, bare, pixels)
+    assert not once.is_twice
+    assert once.text == ''
+    assert abs(once.surplus) < 4.0 * once.deviation
+    # A ruler's error of a fifth, and a normal 2 degrees off, are other faults.
+    for change in ({'distance': 0.2}, {'normal.0': 0.035}):
+        wrong = {
+            place: one.changed({name: d * (one.distance if name == 'distance' else 1.0)})
+            for place, one in media.items()
+            if one is not None
+            for name, d in change.items()
+        }
+        rig = StereoRig(bare.left, bare.right, bare.rotation, bare.translation, **wrong)
+        assert not found(rig, bare, pixels).is_twice
+    # In the very middle nothing shows it, and that is said.
+    if kind == 'surface':
+        assert 'do not show' in found(truth, bare, seen(0.01)).text
 
 
 def test_few_pairs_are_refused(rig: StereoRig) -> None:

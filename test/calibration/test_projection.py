@@ -11,6 +11,7 @@ from binopos_ros.optics.rig_state import RigState, exponential
 
 STEP = 1e-6
 MATRIX = [[800.0, 0.0, 640.0], [0.0, 810.0, 480.0], [0.0, 0.0, 1.0]]
+SKEWED = [[800.0, 7.0, 640.0], *MATRIX[1:]]
 SURFACES = {
     'air': {},
     'surface': {'interface': FlatInterface([0.05, -0.03, 1.0], 0.8, (1.0, 1.333))},
@@ -30,7 +31,8 @@ SURFACES = {
 @pytest.fixture(params=SURFACES)
 def rig(request: pytest.FixtureRequest) -> StereoRig:
     left = PinholeCamera(MATRIX, [-0.1, 0.05, 0.001, -0.002, 0.01], (1280, 960))
-    right = PinholeCamera(MATRIX, [-0.1, 0.05, 0.001, -0.002, 0.01, 0.1, 0.02, 0.03], (1280, 960))
+    terms = [-0.1, 0.05, 0.001, -0.002, 0.01, 0.1, 0.02, 0.03]
+    right = PinholeCamera(SKEWED, terms, (1280, 960))
     rotation = exponential(np.array([0.02, -0.1, 0.03]))
     return StereoRig(left, right, rotation, [-0.23, 0.01, 0.02], **SURFACES[request.param])
 
@@ -67,6 +69,20 @@ def test_derivatives_are_those_of_finite_differences(
             2.0 * STEP
         )
         np.testing.assert_allclose(seen.by_point[:, :, axis], expected, rtol=1e-6, atol=1e-4)
+
+
+def test_a_skewed_equidistant_camera_keeps_its_skew(points: np.ndarray) -> None:
+    camera = PinholeCamera(SKEWED, [0.1, 0.01, 0.0, 0.0], (1280, 960), 'equidistant')
+    straight = StereoRig(camera, camera, np.eye(3), [-0.2, 0.0, 0.0])
+    state = RigState.of(straight)
+    seen = project(state, 0, points)
+    np.testing.assert_allclose(seen.pixels, camera.project(points), atol=1e-10)
+    names = [name for name in state.names if name.startswith('left')]
+    for column in range(len(names)):
+        step = STEP * (np.arange(len(state.names)) == column)
+        ahead, behind = (state.plus(s).cameras[0].pinhole().project(points) for s in (step, -step))
+        expected = (ahead - behind) / (2.0 * STEP)
+        np.testing.assert_allclose(seen.by_rig[:, :, column], expected, rtol=1e-6, atol=1e-6)
 
 
 def test_minus_undoes_plus(rig: StereoRig) -> None:

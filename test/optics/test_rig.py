@@ -267,6 +267,7 @@ def test_shapes_of_one_many_and_none() -> None:
         (((0, 1), 0.1, (1, 1.33)), 'normal must be a direction'),
         (((0, 0, np.nan), 0.1, (1, 1.33)), 'normal must be a direction'),
         (((0, 0, 1), 0.1, (1, 0.9)), r'indices\[1\] = 0.9'),
+        (((0, 0, 1), 0.1, (0.999, 1.33)), r'indices\[0\] = 0.999'),
         (((0, 0, 1), 0.1, (np.nan, 1.33)), r'indices\[0\] = nan'),
         (((0, 0, 1), 0.1, (1,)), 'one per medium'),
         (((0, 0, 1), 0.1, (1, 1.5, 1.33)), 'one per medium'),

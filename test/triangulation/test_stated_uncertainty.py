@@ -14,9 +14,15 @@ from binopos_ros.optics.covariance_file import write_covariance
 from binopos_ros.optics.rig_files import camera_infos_from_stereo
 from binopos_ros.optics.rig_state import RigState
 from binopos_ros.optics.uncertain_rig import UncertainRig
-from binopos_ros.triangulation.options import TriangulatorOptions
+from binopos_ros.triangulation.options import USUAL_BASELINE, TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Position, Triangulator
-from binopos_ros.triangulation.surface_options import InterfaceOptions, PortOptions
+from binopos_ros.triangulation.surface_options import (
+    USUAL_CENTRE,
+    USUAL_DISTANCE,
+    USUAL_NORMAL,
+    InterfaceOptions,
+    PortOptions,
+)
 from binopos_ros.triangulation.triangulate import triangulate
 
 CAMERA = PinholeCamera(
@@ -65,13 +71,13 @@ def drawn(rig: StereoRig, rng: np.random.Generator) -> StereoRig:
         if surface is None:
             return None
         if isinstance(surface, DomePort):
-            centre = surface.centre + PortOptions.centre_std * rng.standard_normal(3)
+            centre = surface.centre + USUAL_CENTRE * rng.standard_normal(3)
             return DomePort(centre, surface.radius, surface.thicknesses[0], surface.indices)
-        tilt = InterfaceOptions.normal_std * rng.standard_normal(2)
-        distance = surface.distance + InterfaceOptions.distance_std * rng.standard_normal()
+        tilt = USUAL_NORMAL * rng.standard_normal(2)
+        distance = surface.distance + USUAL_DISTANCE * rng.standard_normal()
         return FlatInterface(surface.tilted(*tilt), distance, surface.indices, surface.thicknesses)
 
-    scale = 1.0 + TriangulatorOptions.baseline_std * rng.standard_normal()
+    scale = 1.0 + USUAL_BASELINE * rng.standard_normal()
     surfaces = map(off, (rig.interface, rig.left_port, rig.right_port))
     return StereoRig(CAMERA, CAMERA, np.eye(3), scale * rig.translation, *surfaces)
 
@@ -126,6 +132,10 @@ def test_defaults_are_told_and_what_was_said_is_not() -> None:
     said = replace(options, interface=measured, baseline_std=0.001)
     assert told(said) == ''
     assert told(replace(options, method='straight')) == ''
+    # Who states what the default is knows it.
+    usual = replace(options.interface, normal_std=USUAL_NORMAL, distance_std=USUAL_DISTANCE)
+    assert told(replace(options, interface=usual, baseline_std=USUAL_BASELINE)) == ''
+    assert 'the defaults of baseline_std:' in told(replace(options, interface=usual))
 
 
 def test_the_calibrations_own_covariance_goes_before_the_defaults(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ how they disagree tells what went wrong.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -164,8 +164,8 @@ def _why_no_agreement(
         mirrored = list(cameras)
         size = cameras[side].size
         old = cameras[side]
-        mirrored[side] = Camera(
-            old.focal, np.array([size[0] - 1 - old.centre[0], old.centre[1]]), old.lens, size
+        mirrored[side] = replace(
+            old, centre=np.array([size[0] - 1 - old.centre[0], old.centre[1]]), skew=-old.skew
         )
         poses = relative_poses((mirrored[0], mirrored[1]), flipped)
         found = {i: pose for i, pose in enumerate(poses) if pose is not None}

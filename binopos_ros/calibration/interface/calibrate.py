@@ -121,6 +121,7 @@ def calibrate_interface(
     if not free_cameras:
         refuse_hopeless(fit)
     _refuse_air(fit, guesses)
+    fit = _not_below_one(fit, views, prior, sigma)
     if sigma is None:
         fit = widened(fit, views, prior)
     return InterfaceCalibration(
@@ -148,6 +149,19 @@ def _refuse_air(fit: Adjustment, guesses: Sequence[Guess]) -> None:
             'air and of no liquid: take them through the water, or give the gas as the last of '
             'the --indices'
         )
+
+
+def _not_below_one(
+    fit: Adjustment, views: Sequence[View], prior: Prior, sigma: float | None
+) -> Adjustment:
+    """The fit with an index that noise has brought below 1 held there, as uncertain as it was."""
+    short = 1.0 - fit.state.target_index
+    if short <= 0.0:
+        return fit
+    is_index = np.array([name == TARGET_INDEX for name in fit.state.names])
+    start = fit.state.plus(short * is_index)
+    held = adjust(start, fit.poses, views, fit.free & ~is_index, prior, sigma=sigma)
+    return replace(held, free=fit.free, covariance=fit.covariance)
 
 
 def _outlying(fit: Adjustment) -> list[int]:
