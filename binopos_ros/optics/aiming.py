@@ -43,17 +43,9 @@ class Aim(NamedTuple):
         )
 
 
-class _Shot(NamedTuple):
-    """Where a ray leaves a surface and how it goes on from there, with derivatives by a, b.
-
-    `before` is the ray's direction before that surface.
-    """
-
-    position: Vector
-    position_by: tuple[Vector, Vector]
-    direction: Vector
-    direction_by: tuple[Vector, Vector]
-    before: Vector
+#: Where a ray leaves a surface, its derivatives by a and b, its direction beyond, its derivatives,
+#: and its direction before that surface.
+_Shot = tuple[Vector, tuple[Vector, Vector], Vector, tuple[Vector, Vector], Vector]
 
 
 def aim(
@@ -136,7 +128,7 @@ def _shoot(surfaces: Surfaces, a: float, b: float) -> _Shot | None:
     by_a = (1.0 - ux * ux) * scale, -ux * uy * scale, -ux * uz * scale
     by_b = -uy * ux * scale, (1.0 - uy * uy) * scale, -uy * uz * scale
     zero = 0.0, 0.0, 0.0
-    start = _Shot(zero, (zero, zero), u, (by_a, by_b), u)
+    start = zero, (zero, zero), u, (by_a, by_b), u
     shot = _through_spheres(surfaces.spheres, start) if surfaces.spheres else start
     return None if shot is None else _through_planes(surfaces.planes, shot)
 
@@ -189,13 +181,8 @@ def _through_spheres(spheres: tuple[Row, ...], shot: _Shot) -> _Shot | None:
             ratio * wz + spread * nz + shift * gz,
         )
         ux, uy, uz = ratio * ux + along * nx, ratio * uy + along * ny, ratio * uz + along * nz
-    return _Shot(
-        (x, y, z),
-        ((fx, fy, fz), (gx, gy, gz)),
-        (ux, uy, uz),
-        ((vx, vy, vz), (wx, wy, wz)),
-        before,
-    )
+    turned = (vx, vy, vz), (wx, wy, wz)
+    return (x, y, z), ((fx, fy, fz), (gx, gy, gz)), (ux, uy, uz), turned, before
 
 
 def _through_planes(planes: tuple[Row, ...], shot: _Shot) -> _Shot | None:
@@ -237,10 +224,5 @@ def _through_planes(planes: tuple[Row, ...], shot: _Shot) -> _Shot | None:
         wx, wy, wz = ratio * wx + turn * nx, ratio * wy + turn * ny, ratio * wz + turn * nz
         x, y, z = x + reach * ux, y + reach * uy, z + reach * uz
         ux, uy, uz = ratio * ux + along * nx, ratio * uy + along * ny, ratio * uz + along * nz
-    return _Shot(
-        (x, y, z),
-        ((fx, fy, fz), (gx, gy, gz)),
-        (ux, uy, uz),
-        ((vx, vy, vz), (wx, wy, wz)),
-        before,
-    )
+    turned = (vx, vy, vz), (wx, wy, wz)
+    return (x, y, z), ((fx, fy, fz), (gx, gy, gz)), (ux, uy, uz), turned, before
