@@ -23,6 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -101,10 +102,19 @@ def latched() -> Any:
     return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+def with_children(pids: Iterable[int]) -> Iterator[int]:
+    """Processes, and those that they have started."""
+    for pid in pids:
+        yield pid
+        for task in Path(f'/proc/{pid}/task').iterdir():
+            yield from with_children(map(int, (task / 'children').read_text().split()))
+
+
 def processor_seconds(processes: list[subprocess.Popen[bytes]]) -> float:
+    """What the processes, and those that they have started, have used so far."""
     total = 0
-    for process in processes:
-        fields = Path(f'/proc/{process.pid}/stat').read_text().rpartition(')')[2].split()
+    for pid in with_children(process.pid for process in processes):
+        fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
         total += int(fields[11]) + int(fields[12])
     return total / TICKS
 

@@ -84,4 +84,9 @@ class CameraStage:
 
 def stages_of_pair(options: DetectorOptions) -> dict[str, CameraStage]:
     """Give the stages of both cameras, which take turns in what can wait."""
-    return {side: CameraStage(options, k * LOOK_PERIOD // 2) for k, side in enumerate(SIDES)}
+    return {side: CameraStage(options, phase) for side, phase in phases_of_pair().items()}
+
+
+def phases_of_pair() -> dict[str, int]:
+    """Give the phases by which the cameras of a pair take turns; see `Detector`."""
+    return {side: k * LOOK_PERIOD // 2 for k, side in enumerate(SIDES)}

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -15,18 +14,20 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
-from binopos_ros.arrivals import ArrivalOptions, Arrivals, Picture
+from binopos_ros.arrivals import ArrivalOptions, Arrivals, Picture, Work
 from binopos_ros.bag.messages import stamp_of
 from binopos_ros.detection import (
     Detection,
     DetectionError,
     DetectorOptions,
-    Frame,
+    JpegImage,
+    RawImage,
+    decode,
     decoders,
 )
+from binopos_ros.detection.both import BothCameras, Look
 from binopos_ros.detection.images import image_of
 from binopos_ros.detection.overlay import draw
-from binopos_ros.detection.stage import stages_of_pair
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.pictures import Pictures
@@ -45,15 +46,15 @@ LOOK_AFTER = 0.05
 class DetectorNode(StageNode):
     """Finds the red target in the images of both cameras.
 
-    What arrives is brought together by the executor's thread; two threads of their own decode and
-    search the left and the right picture at the same time.
+    What arrives is brought together by the executor's thread; one of its own, and a process
+    beside this one, decode and search the left and the right picture at the same time.
     """
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__('detector', **node_options)
         options = self.declare_options(DetectorOptions, self._configure)
         arrival_options = self.declare_options(ArrivalOptions, lambda _: None)
-        self._stages = stages_of_pair(options)
+        self._cameras = BothCameras(options)
         self._arrivals: Arrivals[CompressedImage | Image] = Arrivals(arrival_options)
         self._framed = dict.fromkeys(SIDES, True)
         self._newest: dict[str, Detection] = {}
@@ -88,7 +89,6 @@ class DetectorNode(StageNode):
         }
         self.every(LOOK_AFTER, self._look_after)
         self._failure: BaseException | None = None
-        self._beside = ThreadPoolExecutor(1, 'detector-beside')
         self._worker = threading.Thread(target=self._work, name='detector', daemon=True)
         self._worker.start()
 
@@ -97,7 +97,7 @@ class DetectorNode(StageNode):
         if hasattr(self, '_worker'):
             self._arrivals.close()
             self._worker.join()
-            self._beside.shutdown()
+            self._cameras.close()
         super().destroy_node()
 
     def _log_decoder(self) -> None:
@@ -108,8 +108,7 @@ class DetectorNode(StageNode):
             self.get_logger().info(told)
 
     def _configure(self, options: DetectorOptions) -> None:
-        for stage in self._stages.values():
-            stage.configure(options)
+        self._cameras.configure(options)
 
     def _enable(self, enabled: bool) -> tuple[bool, str]:
         """Go on, or leave pictures alone: then they are not even decoded."""
@@ -123,7 +122,7 @@ class DetectorNode(StageNode):
     def _on_camera_info(self, side: str, message: CameraInfo) -> None:
         problem = ''
         try:
-            self._stages[side].set_camera(read_camera_info_message(message, side))
+            self._cameras.set_camera(side, read_camera_info_message(message, side))
         except ValueError as error:
             problem = f'cannot be used: {error}'
         self._diagnostics.judge_input(f'{side}/camera_info', problem)
@@ -147,28 +146,31 @@ class DetectorNode(StageNode):
     def _work(self) -> None:
         try:
             while (work := self._arrivals.take()) is not None:
-                first, *others = work
-                beside = [self._beside.submit(self._detect, other) for other in others]
-                done = [self._detect(first), *(each.result() for each in beside)]
-                for result in done:
-                    self._publish(result)
-                for result in done:
-                    self._show(result)
-                    self._stages[result.picture.side].look_over()
+                self._see(work)
         except BaseException as error:
             # Told by the executor's thread, which ends the node; nothing may stand still unseen.
             self._failure = error
 
-    def _detect(self, picture: Picture[CompressedImage | Image]) -> _Result:
-        side, message = picture.side, picture.item
-        assert message is not None
-        decoded = self._stages[side].prepare(image_of(message))
-        watched = self._overlays[side].get_subscription_count() > 0
-        detection = self._stages[side].detect(picture.stamp, decoded, survey=watched)
-        return _Result(picture, message.header, decoded if watched else None, detection)
+    def _see(self, work: Work[CompressedImage | Image]) -> None:
+        pictures = {picture.side: picture for picture in work}
+        headers = {picture.side: picture.item.header for picture in work if picture.item}
+        looks = {side: self._look(picture) for side, picture in pictures.items()}
+        found = {}
+        for side, detection in self._cameras.detect(looks):
+            self._publish(pictures[side], headers[side], detection)
+            found[side] = detection
+        for side, look in looks.items():
+            if look.survey:
+                self._publish_overlay(side, headers[side], look.image, found[side])
+        self._cameras.look_over()
 
-    def _publish(self, result: _Result) -> None:
-        picture, header, _, detection = result
+    def _look(self, picture: Picture[CompressedImage | Image]) -> Look:
+        watched = self._overlays[picture.side].get_subscription_count() > 0
+        return Look(picture.stamp, image_of(picture.item), survey=watched)
+
+    def _publish(
+        self, picture: Picture[CompressedImage | Image], header: Header, detection: Detection
+    ) -> None:
         side = picture.side
         self._newest[side] = detection
         self._framed[side] = bool(header.frame_id)
@@ -185,19 +187,14 @@ class DetectorNode(StageNode):
             self._diagnostics.published += 1
         self._arrivals.settle(picture, '' if target is not None else detection.reason)
 
-    def _show(self, result: _Result) -> None:
-        picture, header, decoded, detection = result
-        if decoded is not None and not isinstance(decoded, DetectionError):
-            self._publish_overlay(picture.side, header, decoded, detection)
-
     def _publish_overlay(
-        self, side: str, header: Header, frame: Frame, detection: Detection
+        self, side: str, header: Header, image: JpegImage | RawImage, detection: Detection
     ) -> None:
         try:
-            picture = draw(frame.window(0, 0, frame.width, frame.height), detection)
+            frame = decode(image)
         except DetectionError:
-            # Corrupt where nobody had looked so far.
             return
+        picture = draw(frame.window(0, 0, frame.width, frame.height), detection)
         _, jpeg = cv2.imencode('.jpg', picture, (cv2.IMWRITE_JPEG_QUALITY, OVERLAY_QUALITY))
         message = CompressedImage(header=header, format='jpeg')
         message.data = jpeg.tobytes()
@@ -221,12 +218,3 @@ class DetectorNode(StageNode):
             if refused:
                 details[f'{side}: best candidate refused'] = refused[0]
         return details
-
-
-class _Result(NamedTuple):
-    """What was found in a picture; `decoded` where somebody looks at it."""
-
-    picture: Picture[CompressedImage | Image]
-    header: Header
-    decoded: Frame | DetectionError | None
-    detection: Detection
