@@ -134,6 +134,20 @@ def guesses_for(rig: StereoRig) -> list[InterfaceGuess]:
     ]
 
 
+def make_dry_rig(media: FlatInterface) -> StereoRig:
+    """A rig before a plate, a dry window, or a tank that is seen through."""
+    matrix = [[900.0, 0.0, 639.5], [0.0, 900.0, 479.5], [0.0, 0.0, 1.0]]
+    camera = PinholeCamera(matrix, [-0.1, 0.05, 0.001, -0.001, 0.01], SIZE)
+    rotation = exponential(np.array([0.0, 0.1, 0.0]))
+    return StereoRig(camera, camera, rotation, -rotation @ [0.23, 0.0, 0.0], media)
+
+
+@pytest.fixture(scope='session')
+def dry_rig() -> Callable[[FlatInterface], StereoRig]:
+    """`make_dry_rig`."""
+    return make_dry_rig
+
+
 @pytest.fixture(scope='session')
 def rig_maker() -> Callable[..., Rig]:
     """`make_rig`."""
