@@ -93,13 +93,17 @@ def see_boards(
     noise: float = 0.1,
     tilts: tuple[float, float] = (0.0, 45.0),
     aside: tuple[float, float] = (0.15, 0.1),
+    bow: float = 0.0,
 ) -> list[View]:
     """Boards of 9 x 6 corners, 20 mm apart, mixed in tilt and place, whole in both pictures.
 
-    `aside` is how far from the axis they are held, in parts of their depth.
+    `aside` is how far from the axis they are held, in parts of their depth; `bow` by how much
+    they are bent along their rows (m at the edge), which the views do not tell.
     """
     points = Board('chessboard', 9, 6, 0.02).points
     middle = points.mean(axis=0)
+    away = points[:, 0] - middle[0]
+    bent = points - middle + np.outer(bow * (away / away.max()) ** 2, [0.0, 0.0, 1.0])
     centre = -rig.rotation.T @ rig.translation / 2.0
     views: list[View] = []
     while len(views) < count:
@@ -112,7 +116,7 @@ def see_boards(
             rng.uniform(-1.0, 1.0) * aside[1] * depth,
             depth,
         ]
-        seen = rig.project((points - middle) @ turned.T + place)
+        seen = rig.project(bent @ turned.T + place)
         if all(
             np.isfinite(p).all() and (p > 5).all() and (p < np.array(SIZE) - 5).all() for p in seen
         ):

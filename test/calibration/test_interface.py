@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from binopos_ros.calibration.adjustment.adjust import view_information
 from binopos_ros.calibration.interface.calibrate import calibrate_interface
 from binopos_ros.calibration.interface.guesses import InterfaceGuess
+from binopos_ros.calibration.report.summary import summarise_interface
 from binopos_ros.calibration.report.verdicts import (
     DETERMINED,
     PRIOR,
@@ -90,6 +92,25 @@ def test_mixed_boards_are_determined(rig_maker: Any, board_viewer: Any, guesser:
     own = [v for v in verdicts(result) if 'layer' not in v.text]
     assert {v.grade for v in own} == {DETERMINED}
     assert advice(result).startswith('Nothing must be done')
+
+
+def test_a_bowed_board_is_told_and_taken_into_account(
+    rig_maker: Any, board_viewer: Any, guesser: Any
+) -> None:
+    rng = np.random.default_rng(1)
+    rig, depths = rig_maker('surface', rng)
+    views = board_viewer(rig, depths, rng, 10, 0.1, TILTS, (0.6, 0.5), bow=0.0005)
+    truth = RigState.of(rig)
+    result = calibrate_interface(replace(truth, interfaces={}), views, guesser(rig))
+    np.testing.assert_allclose(
+        result.shape.warp, [0.0005, 0.0, 0.0], atol=4.0 * result.shape.deviations.max()
+    )
+    assert result.shape.deviations.max() < 2e-5
+    assert 'bowed by +0.5' in summarise_interface(result)
+    error = -truth.minus(result.state)
+    own = [i for i, name in enumerate(result.state.names) if name in result.prior]
+    square = error[own] @ np.linalg.solve(result.covariance[np.ix_(own, own)], error[own])
+    assert square < chi2.ppf(0.99, len(own))
 
 
 def test_a_ruler_narrows_the_distance(rig_maker: Any, board_viewer: Any, guesser: Any) -> None:

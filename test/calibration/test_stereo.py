@@ -237,8 +237,8 @@ def test_a_bowed_board_is_found_and_taken_into_account() -> None:
             views = [BoardView(np.arange(54), p, 2.0) for p in noisy]
             pairs.append(BoardPair(f'{len(pairs):02d}', *views))
     result = calibrate_stereo(pairs, BOARD, LARGE)
-    np.testing.assert_allclose(result.warp, truth, atol=4.0 * result.warp_deviations.max())
-    assert result.warp_deviations.max() < 2e-5
+    np.testing.assert_allclose(result.shape.warp, truth, atol=4.0 * result.shape.deviations.max())
+    assert result.shape.deviations.max() < 2e-5
     error = result.state.minus(RigState.of(rig))
     square = error @ np.linalg.solve(result.adjustment.covariance, error)
     assert square < 51.2  # chi^2 with 24, 99.9 %

@@ -21,6 +21,7 @@ RINGS = 8
 FEWEST_VIEWS_PER_RING = 4
 FEWEST_POINTS_PER_RING = 3
 SIGNIFICANCE = 0.001
+BETTER = 2.0  # standard errors by which a larger model must win on held-out views
 
 
 @dataclass(frozen=True)

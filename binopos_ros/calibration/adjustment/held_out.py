@@ -9,7 +9,8 @@ import numpy as np
 
 from binopos_ros.calibration.adjustment.adjust import NEARLY, Adjustment, Prior, adjust
 from binopos_ros.calibration.views.view import View
-from binopos_ros.optics.rig_state import RIGHT, RigState
+from binopos_ros.optics.rig_projection import project
+from binopos_ros.optics.rig_state import LEFT, RIGHT, RigState, places_seen_through
 
 FOLDS = 5
 
@@ -70,13 +71,14 @@ def _transfer(
     views: Sequence[View],
 ) -> list[np.ndarray]:
     start = [fit.poses[i] for i, _ in left_only]
-    left = RigState(rig.cameras[:1])
+    # The left camera alone, with what stands before it.
+    before = {place: rig.interfaces[place] for place in places_seen_through(rig, LEFT)}
+    left = RigState(rig.cameras[:1], interfaces=before)
     none = np.zeros(len(left.names), bool)
     posed = adjust(left, start, [view for _, view in left_only], none, robust=False, sigma=1.0)
     squares = []
     for (i, _), pose in zip(left_only, posed.poses, strict=True):
-        local = pose.apply(views[i].points) @ rig.rotation.T + rig.translation
-        error = views[i].pixels[RIGHT] - rig.cameras[RIGHT].pinhole().project(local)
+        error = views[i].pixels[RIGHT] - project(rig, RIGHT, pose.apply(views[i].points)).pixels
         error = error[np.isfinite(error).all(axis=1)]
         squares.append(np.sum(error**2, axis=1))
     return squares

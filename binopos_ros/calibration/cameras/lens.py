@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from binopos_ros.calibration.adjustment.adequacy import Adequacy, adequacy, better_by
+from binopos_ros.calibration.adjustment.adequacy import BETTER, Adequacy, adequacy, better_by
 from binopos_ros.calibration.adjustment.adjust import NEARLY, Adjustment, Prior, adjust
 from binopos_ros.calibration.adjustment.held_out import cross_validate
 from binopos_ros.calibration.adjustment.start import guess_pose
@@ -38,7 +38,6 @@ TIGHTER, TIMES = 10.0, 4  # in information, for a lens that folds in the picture
 ARC_TANGENT = (50 / 39, 283 / 715, 0.0, 0.0, 256 / 15015, 21 / 13, 105 / 143, 35 / 429)
 #: The terms and the model from which the others begin.
 IDEAL = {RATIONAL: (ARC_TANGENT, models.BROWN), EQUIDISTANT: ((0.0,) * 4, models.EQUIDISTANT)}
-BETTER = 2.0  # standard errors by which a larger lens model must win on held-out views
 NOTICED = 1.05  # times larger errors; three terms are not worth what nobody notices
 GRID = 33  # points across the picture at which the lens is asked for a ray
 

@@ -7,15 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from binopos_ros.calibration.adjustment.adequacy import better_by
 from binopos_ros.calibration.adjustment.adjust import Adjustment, Prior, adjust
 from binopos_ros.calibration.adjustment.held_out import HeldOut, cross_validate
 from binopos_ros.calibration.adjustment.noise import widened
+from binopos_ros.calibration.adjustment.shape import (
+    FLAT,
+    BoardShape,
+    bent_board,
+    with_uncertain_shape,
+)
 from binopos_ros.calibration.adjustment.start import straight_poses
-from binopos_ros.calibration.adjustment.warp import TERMS, Bent, estimate_warp
 from binopos_ros.calibration.cameras.camera import CameraFit, calibrate_camera, check_determined
 from binopos_ros.calibration.cameras.given import GIVEN, GivenCameras
-from binopos_ros.calibration.cameras.lens import AUTO, BETTER, LensChoice, lens_prior, one_to_one
+from binopos_ros.calibration.cameras.lens import AUTO, LensChoice, lens_prior, one_to_one
 from binopos_ros.calibration.cameras.rigidity import FEWEST_PAIRS, consensus, explain
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.views.board import Board
@@ -41,8 +45,7 @@ class StereoCalibration:
         dropped: those not used, with reasons.
         lenses: each camera's lens model, and why.
         held_out: cross-validation of the chosen model.
-        warp: (3,) the board's bends and its twist at the edge (m; see `adjustment.warp`), and
-            their deviations; zero where a flat board does as well.
+        shape: of the board.
     """
 
     adjustment: Adjustment
@@ -51,8 +54,7 @@ class StereoCalibration:
     dropped: tuple[Dropped, ...]
     lenses: tuple[LensChoice, LensChoice]
     held_out: HeldOut
-    warp: np.ndarray
-    warp_deviations: np.ndarray
+    shape: BoardShape
 
     @property
     def state(self) -> RigState:
@@ -118,19 +120,14 @@ def calibrate_stereo(
     if given is None:
         fit, prior = one_to_one(fit, views, prior)
     held_out = cross_validate(fit, views, prior)
-    bent = _bent(fit, views, prior, held_out)
+    bent = bent_board(fit, views, prior, held_out)
     # A rational lens's prior tells next to nothing: it only keeps the terms from running away.
     told = prior if given is not None else None
     if bent is None:
-        fit = widened(fit, views, told)
-        warp, deviations = np.zeros(TERMS), np.zeros(TERMS)
+        fit, shape = widened(fit, views, told), FLAT
     else:
         (better, held_out), views = bent, list(bent[0].views)
-        fit = widened(better.fit, views, told)
-        covariance = fit.covariance + fit.variance_factor * better.uncertainty
-        fit = replace(fit, covariance=covariance)
-        warp = better.warp
-        deviations = better.deviations * np.sqrt(fit.variance_factor)
+        fit, shape = with_uncertain_shape(widened(better.fit, views, told), better)
     return StereoCalibration(
         fit,
         board,
@@ -138,22 +135,8 @@ def calibrate_stereo(
         tuple(dropped),
         lenses,
         held_out,
-        warp,
-        deviations,
+        shape,
     )
-
-
-def _bent(
-    fit: Adjustment, views: Sequence[View], prior: Prior, held_out: HeldOut
-) -> tuple[Bent, HeldOut] | None:
-    """With the board's shape estimated, where that wins on held-out views."""
-    bent = estimate_warp(fit, views, prior)
-    if bent is None:
-        return None
-    judged = cross_validate(bent.fit, bent.views, prior)
-    if better_by(held_out.squares, judged.squares) < BETTER:
-        return None
-    return bent, judged
 
 
 def _usable(

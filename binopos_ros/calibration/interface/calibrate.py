@@ -15,7 +15,14 @@ import numpy as np
 
 from binopos_ros.calibration.adjustment.adjust import NEARLY, Adjustment, Prior, adjust
 from binopos_ros.calibration.adjustment.noise import widened
+from binopos_ros.calibration.adjustment.shape import (
+    FLAT,
+    BoardShape,
+    bent_board,
+    with_uncertain_shape,
+)
 from binopos_ros.calibration.adjustment.start import other_pose, sunk
+from binopos_ros.calibration.adjustment.warp import Bent
 from binopos_ros.calibration.errors import CalibrationError
 from binopos_ros.calibration.interface.guesses import (
     Guess,
@@ -47,6 +54,7 @@ class InterfaceCalibration:
         prior: standard deviations beforehand, by name.
         adjustment: None where there were no views and the priors are all there is.
         views: those used; dropped: those not used, with reasons.
+        shape: of the board.
     """
 
     state: RigState
@@ -55,6 +63,7 @@ class InterfaceCalibration:
     adjustment: Adjustment | None
     views: tuple[View, ...]
     dropped: tuple[Dropped, ...] = ()
+    shape: BoardShape = FLAT
 
     def deviation(self, name: str) -> float:
         """The standard deviation of one parameter."""
@@ -108,22 +117,31 @@ def calibrate_interface(
         raise
     fit = adjust(best.state, best.poses, views, best.free, prior, robust=robust, sigma=sigma)
     fit = _turn_boards(fit, views, prior, sigma)
+    flat = views
+    fit, views, bent = _shaped(fit, flat, prior)
     if not free_cameras and fit.sigma > SUSPECT:
         refuse_explained(known, views, fit.rms())
     # One by one, the worst first: a bad view makes good ones look bad.
     while (bad := _outlying(fit)) and robust and len(views) > 1:
         worst = max(bad, key=lambda i: fit.rms(view=i))
         dropped.append(_drop(fit, views, worst))
-        views = [view for i, view in enumerate(views) if i != worst]
+        views, flat = ([one for i, one in enumerate(some) if i != worst] for some in (views, flat))
         poses = [pose for i, pose in enumerate(fit.poses) if i != worst]
         fit = adjust(fit.state, poses, views, fit.free, prior, sigma=sigma)
         fit = _turn_boards(fit, views, prior, sigma)
+    if bent is not None and len(views) < len(bent.views):
+        # What has been left out has no say in the board's shape.
+        fit = adjust(fit.state, fit.poses, flat, fit.free, prior, robust=robust, sigma=sigma)
+        fit, views, bent = _shaped(fit, flat, prior)
     if not free_cameras:
         refuse_hopeless(fit)
     _refuse_air(fit, guesses)
     fit = _not_below_one(fit, views, prior, sigma)
     if sigma is None:
         fit = widened(fit, views, prior)
+    shape = FLAT
+    if bent is not None:
+        fit, shape = with_uncertain_shape(fit, bent)
     return InterfaceCalibration(
         fit.state,
         fit.covariance,
@@ -131,7 +149,22 @@ def calibrate_interface(
         fit,
         tuple(views),
         tuple(dropped),
+        shape,
     )
+
+
+def _shaped(
+    fit: Adjustment, views: list[View], prior: Prior
+) -> tuple[Adjustment, list[View], Bent | None]:
+    """With the board's own shape, where all show one flat board and it turns out not to be."""
+    points = views[0].points
+    one_board = all(view.turns and np.array_equal(view.points, points) for view in views)
+    found = None
+    if one_board and not np.ptp(points[:, 2]):
+        found = bent_board(fit, views, prior)
+    if found is None:
+        return fit, views, None
+    return found[0].fit, list(found[0].views), found[0]
 
 
 def _refuse_air(fit: Adjustment, guesses: Sequence[Guess]) -> None:

@@ -30,15 +30,3 @@ def concerns(calibration: StereoCalibration) -> list[str]:
             'board, pictures in which it rests'
         )
     return found
-
-
-def board_in_words(calibration: StereoCalibration) -> str:
-    """Whether the board is flat, and if not how it is bent."""
-    if not calibration.warp.any():
-        return 'flat, as far as these pictures show'
-    along, across, twist = 1000.0 * calibration.warp
-    spread = 1000.0 * float(calibration.warp_deviations.max())
-    return (
-        f'bowed by {along:+.2f} mm along its rows, {across:+.2f} mm along its columns, twisted by '
-        f'{twist:+.2f} mm at its edges (+- {spread:.2f}): taken into account'
-    )

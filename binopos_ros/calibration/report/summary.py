@@ -10,7 +10,7 @@ from binopos_ros.calibration.adjustment.adjust import Adjustment
 from binopos_ros.calibration.cameras.alone import CameraCalibration
 from binopos_ros.calibration.cameras.stereo import StereoCalibration, seen_by_both
 from binopos_ros.calibration.interface.calibrate import InterfaceCalibration
-from binopos_ros.calibration.report.quality import board_in_words, concerns
+from binopos_ros.calibration.report.quality import concerns
 from binopos_ros.calibration.report.verdicts import advice, verdicts
 from binopos_ros.calibration.views.pairs import Dropped
 from binopos_ros.optics.rig_state import LEFT, RIGHT, TARGET_INDEX, logarithm
@@ -60,7 +60,7 @@ def stereo_rows(calibration: StereoCalibration) -> Rows:
     fit = calibration.adjustment
     rows = [
         ('views used', _views_in_words(calibration)),
-        ('board', board_in_words(calibration)),
+        ('board', calibration.shape.in_words),
         *(
             (f'{name} lens', lens.text)
             for name, lens in zip(SIDES, calibration.lenses, strict=True)
@@ -106,6 +106,7 @@ def interface_rows(calibration: InterfaceCalibration) -> Rows:
     if calibration.adjustment is not None:
         rows += [
             ('views used', str(len(calibration.views))),
+            *([('board', calibration.shape.in_words)] if calibration.views[0].turns else []),
             ('reprojection RMS', f'{calibration.adjustment.rms():.3f} px'),
             ('corner noise', _noise(calibration.adjustment)),
         ]
