@@ -7,7 +7,7 @@ from pathlib import Path
 from setuptools import Extension, find_packages, setup
 
 PACKAGE = 'binopos_ros'
-NODES = ('camera', 'detector', 'triangulator', 'smoother', 'player', 'recorder')
+NODES = ('camera', 'detector', 'triangulator', 'smoother', 'player', 'recorder', 'viewer')
 
 setup(
     name=PACKAGE,
@@ -18,7 +18,11 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.10',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed'], f'{PACKAGE}.detection': ['*.pyi', '*.c']},
+    package_data={
+        PACKAGE: ['py.typed'],
+        f'{PACKAGE}.detection': ['*.pyi', '*.c'],
+        f'{PACKAGE}.view': ['page/*'],
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -35,6 +39,7 @@ setup(
         'pyusb>=1.2',
         'PyYAML>=6.0',
         'simplejpeg>=1.7',
+        'websockets>=14',
     ],
     extras_require={
         'ros': ['ros-rclpy[fastrtps]==7.1.6', 'ros-common-interfaces==5.3.6'],

@@ -42,20 +42,20 @@ MAY_IMPORT: dict[str, frozenset[str]] = {
     'pipeline': STAGES - {'capture', 'calibration', 'simulation', 'bag'} | {'arrivals', 'tracker'},
     'report': frozenset({'pipeline', 'pairing', 'smoothing'}),
     'parameter_files': frozenset(),
-    'node_options': STAGES | {'parameter_files', 'arrivals'},
+    'view': frozenset({'bag'}),
+    'node_options': STAGES | {'parameter_files', 'arrivals', 'view'},
     'evaluation': STAGES | {'tracker', 'pipeline', 'report'},
     'nodes': STAGES
-    | {'arrivals', 'tracker', 'pipeline', 'report', 'parameter_files', 'node_options'},
-    'view': frozenset({'bag', 'nodes'}),
+    | {'arrivals', 'tracker', 'pipeline', 'report', 'parameter_files', 'node_options', 'view'},
 }
 MAY_IMPORT['cli'] = frozenset(MAY_IMPORT)
 MAY_IMPORT['__main__'] = frozenset({'cli', 'nodes'})
 
 #: Who alone may import what: packages that only one kind of machine has, or that belong to a room.
 OWNERS = {
-    'rclpy': {'nodes', 'cli', 'view'},
-    'sensor_msgs': {'nodes', 'cli', 'view'},
-    'geometry_msgs': {'nodes', 'cli', 'view'},
+    'rclpy': {'nodes', 'cli'},
+    'sensor_msgs': {'nodes', 'cli'},
+    'geometry_msgs': {'nodes', 'cli'},
     'mcap': {'bag', 'cli'},
     'rosbags': {'bag', 'cli'},
     'usb': {'capture', 'cli'},

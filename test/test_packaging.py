@@ -15,7 +15,7 @@ import pytest
 
 import binopos_ros
 
-NODES = ('camera', 'detector', 'triangulator', 'smoother', 'player', 'recorder')
+NODES = ('camera', 'detector', 'triangulator', 'smoother', 'player', 'recorder', 'viewer')
 
 
 @pytest.fixture(scope='module')
@@ -94,6 +94,7 @@ def test_pip_installs_a_binopos_that_runs(source, tmp_path):
     )
     assert done.stdout.split() == ['binopos_ros', binopos_ros.__version__]
     assert (prefix / 'share' / 'binopos_ros' / 'config' / 'fastdds.xml').is_file()
+    assert (packages / 'binopos_ros' / 'view' / 'page' / 'index.html').is_file()
 
 
 def test_the_versions_agree(project):
