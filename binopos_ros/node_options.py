@@ -24,6 +24,7 @@ from binopos_ros.parameters import (
 from binopos_ros.platform import FixedFrameOptions
 from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 from binopos_ros.triangulation.options import TriangulatorOptions
+from binopos_ros.view.options import ViewerOptions
 
 NAMESPACE = '/stereo'
 #: Node -> the options of its stage; beside its own, the smoother takes those of the moving robot
@@ -35,6 +36,7 @@ OPTIONS: Mapping[str, type | None] = {
     'smoother': SmootherOptions,
     'player': PlayerOptions,
     'recorder': RecorderOptions,
+    'viewer': ViewerOptions,
     'calibrator': None,
 }
 #: Node -> what it declares beside those, for its own part.

@@ -16,6 +16,7 @@ from binopos_ros.parameters import build, specs_of
 from binopos_ros.platform import FixedFrameOptions
 from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 from binopos_ros.triangulation.options import TriangulatorOptions
+from binopos_ros.view.options import ViewerOptions
 
 OPTIONS = {
     'camera': [CaptureOptions],
@@ -24,6 +25,7 @@ OPTIONS = {
     'smoother': [SmootherOptions, FixedFrameOptions, filter_options_type('cloud-kalman')],
     'player': [PlayerOptions],
     'recorder': [RecorderOptions],
+    'viewer': [ViewerOptions],
 }
 
 

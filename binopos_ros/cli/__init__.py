@@ -20,6 +20,7 @@ VERBS = {
     'run': 'start the nodes on the cameras of the rig and keep them up',
     'replay': 'play a bag through the live nodes and report what comes out',
     'process': 'run a bag through the same stages offline, every pair, as fast as possible',
+    'view': "serve the operator's page: what the rig sees and what is wrong, in a browser",
     'record': "record the suite's topics to a bag",
     'simulate': 'render a scene with known truth to a bag',
     'calibrate': 'make the calibration files of the cameras and of the interface',

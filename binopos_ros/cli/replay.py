@@ -21,7 +21,12 @@ from binopos_ros.cli.config import (
 )
 from binopos_ros.cli.rig_bag import RigBag
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
-from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments, enclave_words
+from binopos_ros.cli.supervisor import (
+    Supervisor,
+    add_supervisor_arguments,
+    enclave_words,
+    viewer_of,
+)
 from binopos_ros.cli.transport import transport_environment
 from binopos_ros.node_options import NAMESPACE, QOS_OVERRIDES, Parameters
 from binopos_ros.nodes.ros import require_ros
@@ -94,7 +99,8 @@ def main(arguments: argparse.Namespace) -> int:
         found, calibration = rig_of(reader, arguments)
         namespace = found.namespace or '/'
         parameters = live_parameters(arguments, arguments.bag, namespace)
-        for name in NODES:
+        nodes = [*NODES, *viewer_of(arguments)]
+        for name in nodes:
             parameters.check(name)
         platform = make_platform(parameters.of_node('smoother'))
         found = with_platform(found, reader, platform.source, arguments.remap)
@@ -106,7 +112,7 @@ def main(arguments: argparse.Namespace) -> int:
         if namespace != NAMESPACE:
             words += ['-r', f'__ns:={namespace}']
         supervisor = Supervisor(
-            NODES,
+            nodes,
             ros_words(layers(arguments, arguments.bag), [*words, *arguments.ros_arguments]),
             arguments.single_process,
             arguments.enclaves,

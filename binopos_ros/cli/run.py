@@ -8,7 +8,7 @@ import sys
 import time
 
 from binopos_ros.cli.config import add_config_argument, layers, live_parameters, ros_words
-from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments
+from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments, viewer_of
 from binopos_ros.nodes.ros import require_ros
 
 HELP = 'start the nodes on the cameras of the rig and keep them up'
@@ -35,10 +35,11 @@ def main(arguments: argparse.Namespace) -> int:
     """Run the verb until it is told to stop; the exit status."""
     require_ros()
     parameters = live_parameters(arguments)
-    for name in arguments.nodes:
+    nodes = [*arguments.nodes, *viewer_of(arguments)]
+    for name in nodes:
         parameters.check(name)
     words = ros_words(layers(arguments), arguments.ros_arguments)
-    supervisor = Supervisor(arguments.nodes, words, arguments.single_process, arguments.enclaves)
+    supervisor = Supervisor(nodes, words, arguments.single_process, arguments.enclaves)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         supervisor.start()

@@ -223,11 +223,21 @@ def add_supervisor_arguments(parser: argparse.ArgumentParser) -> None:
         help='compose all nodes in one process instead of one process each',
     )
     parser.add_argument(
+        '--view',
+        action='store_true',
+        help="serve the operator's page as well, as `binopos view` does (the node viewer)",
+    )
+    parser.add_argument(
         '--enclaves',
         default='',
         metavar='PATH',
         help='SROS2: give each node the enclave PATH/NODE; in one process, that of the first node',
     )
+
+
+def viewer_of(arguments: argparse.Namespace) -> list[str]:
+    """The node that serves the page, where it is asked for."""
+    return ['viewer'] if arguments.view else []
 
 
 def describe_exit(status: int) -> str:

@@ -20,6 +20,7 @@ NODES = {
     'smoother': 'SmootherNode',
     'player': 'PlayerNode',
     'recorder': 'RecorderNode',
+    'viewer': 'ViewerNode',
 }
 
 

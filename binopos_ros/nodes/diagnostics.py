@@ -29,8 +29,8 @@ class StageDiagnostics:
     The level is ERROR while one of `errors`, standing problems by what they are about, is set;
     WARN while another node gets in the way or a sender's clock differs; STALE while nothing comes
     in; WARN in a second in which something was dropped or lost on its way here, or nothing goes
-    out of what comes in, and while a caution stands; and OK while data flows. What is dropped may
-    be told from any thread.
+    out of what comes in, and while a caution stands; OK while data flows, and while a node says
+    why it is `idle`. What is dropped may be told from any thread.
     """
 
     def __init__(
@@ -45,6 +45,7 @@ class StageDiagnostics:
         self.published = 0
         self.dropped: Counter[str] = Counter()
         self.errors: dict[str, str] = {}
+        self.idle = ''
         self._cautions: dict[str, str] = {}
         self._last_drop = ''
         self._lock = threading.Lock()
@@ -134,6 +135,8 @@ class StageDiagnostics:
             return DiagnosticStatus.WARN, '; '.join(self._intruders.values())
         if self._clocks:
             return DiagnosticStatus.WARN, '; '.join(self._clocks.values())
+        if self.idle:
+            return DiagnosticStatus.OK, self.idle
         if now.received == previous.received:
             return DiagnosticStatus.STALE, 'no input'
         if now.lost > previous.lost:

@@ -39,6 +39,11 @@ def player() -> int:
     return start('player')
 
 
+def viewer() -> int:
+    """Run the viewer node until a signal; the exit status."""
+    return start('viewer')
+
+
 def recorder() -> int:
     """Run the recorder node until a signal; the exit status."""
     if not prepared('recorder'):
