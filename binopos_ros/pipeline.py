@@ -22,6 +22,7 @@ from binopos_ros.detection.stage import stages_of_pair
 from binopos_ros.optics import CameraInfo
 from binopos_ros.parameters import build, specs_of
 from binopos_ros.platform import FixedFrameOptions, Platform, WaitingRoom
+from binopos_ros.smoothing.health import Health, HealthMonitor
 from binopos_ros.smoothing.stage import Pose, make_smoother
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.stage import Centroid, Drop, Position, Triangulator
@@ -58,7 +59,16 @@ class Dropped:
     of_pair: bool = True
 
 
-Event = Seen | Located | Dropped
+@dataclass(frozen=True)
+class Judged:
+    """What is to be thought of the target at a stamp (ns); `frame_id` is the pose's frame."""
+
+    stamp: int
+    health: Health
+    frame_id: str
+
+
+Event = Seen | Located | Dropped | Judged
 
 
 class Pipeline:
@@ -80,6 +90,9 @@ class Pipeline:
         self._platform = make_platform(smoothing)
         fixed = specs_of(FixedFrameOptions)
         self._smoother = make_smoother({k: v for k, v in smoothing.items() if k not in fixed})
+        self._health = HealthMonitor()
+        self._now = 0
+        self._frame_id = self._platform.options.fixed_frame
         own = self._platform.options.platform
         # Nobody waits here: what comes after a gap is of no use.
         self._waiting: WaitingRoom[Position] = WaitingRoom(
@@ -90,6 +103,11 @@ class Pipeline:
     def platform(self) -> Platform:
         """Where the rig is in the fixed frame."""
         return self._platform
+
+    @property
+    def child_frame(self) -> str:
+        """The target's own frame."""
+        return self._smoother.options.child_frame
 
     @property
     def caution(self) -> str:
@@ -122,7 +140,13 @@ class Pipeline:
             frame_id: of the image.
             decoded: the result of `prepare`.
         """
-        yield from self._smooth_ready(stamp)
+        yield from self._reach(stamp)
+        yield from self._look(side, stamp, frame_id, decoded)
+        yield from self._judge()
+
+    def _look(
+        self, side: str, stamp: int, frame_id: str, decoded: Frame | DetectionError
+    ) -> Iterator[Event]:
         detection = self._cameras[side].detect(stamp, decoded)
         if detection.target is None:
             yield Dropped(stamp, f'{side}: {detection.reason}')
@@ -140,7 +164,7 @@ class Pipeline:
         if reason:
             yield Dropped(transform[0], f'platform: {reason}', of_pair=False)
         elif not static:
-            yield from self._smooth_ready(transform[0])
+            yield from self._reach(transform[0])
 
     def add_odometry(self, sample: tuple[int, str, str, Any, Any, Any]) -> Iterator[Event]:
         """Take the robot's pose in: stamp (ns), frame, child, position (m), quaternion, (6, 6)."""
@@ -148,12 +172,13 @@ class Pipeline:
         reason = self._platform.odometry.add(*sample)
         if reason:
             yield Dropped(stamp, f'platform: {reason}', of_pair=False)
-        yield from self._smooth_ready(stamp)
+        yield from self._reach(stamp)
 
     def flush(self) -> Iterator[Event]:
         """Give up on what still waits, at the end of a recording."""
         yield from self._smooth(self._triangulator.flush())
         yield from self._smooth_placed(math.inf)
+        yield from self._judge()
 
     def _smooth(self, results: Iterable[Position | Drop]) -> Iterator[Event]:
         for result in results:
@@ -162,40 +187,55 @@ class Pipeline:
                 continue
             if self._platform.active:
                 self._waiting.add(result, result.stamp, result.frame_id, result.stamp * 1e-9)
-                yield from self._smooth_ready(result.stamp)
+                yield from self._smooth_placed(self._now * 1e-9)
                 continue
+            self._frame_id = result.frame_id
             measured = (result.point, result.covariance, result.systematic, result.medium)
-            yield from self._filtered(result, result.frame_id, *measured)
+            yield from self._filtered(result, *measured)
 
-    def _smooth_ready(self, stamp: int) -> Iterator[Event]:
-        """Smooth what has waited for the robot's pose until this stamp (ns)."""
+    def _reach(self, stamp: int) -> Iterator[Event]:
+        """Let time pass until this stamp (ns): smooth what has waited for the robot's pose."""
+        self._now = stamp
         if self._platform.active:
             yield from self._smooth_placed(stamp * 1e-9)
+        yield from self._judge()
+
+    def _judge(self) -> Iterator[Event]:
+        """Say what is to be thought of the target, where that is news."""
+        options = self._smoother.options
+        health = self._health.news(self._now * 1e-9, options.health, options.sensor_timeout)
+        if health is not None:
+            yield Judged(self._now, health, self._frame_id)
 
     def _smooth_placed(self, now: float) -> Iterator[Event]:
         for position, rig in self._waiting.ready(now):
             if isinstance(rig, str):
-                yield Located(position, None, self._platform.options.fixed_frame)
+                self._health.refuse(rig)
+                yield Located(position, None, self._frame_id)
                 yield Dropped(position.stamp, f'smoother: {rig}')
                 continue
             placed = rig.carry(
                 position.point, position.covariance, position.systematic, position.medium
             )
-            yield from self._filtered(position, self._platform.options.fixed_frame, *placed)
+            yield from self._filtered(position, *placed)
 
     def _filtered(
         self,
         position: Position,
-        frame_id: str,
         point: Array,
         covariance: Array,
         systematic: Array | None,
         medium: Array | None,
     ) -> Iterator[Event]:
-        """Filter a position as it is in a frame: its point, covariance and the parts of that."""
+        """Filter a position that lies in the pose's frame: its point, covariance and parts."""
         pose, reason = self._smoother.add(position.stamp, point, covariance, systematic, medium)
-        yield Located(position, pose, frame_id)
-        if reason:
+        if pose is not None:
+            self._health.pose(pose.state.covariance[:3, :3])
+        yield Located(position, pose, self._frame_id)
+        if not reason:
+            self._health.use(self._now * 1e-9)
+        else:
+            self._health.refuse(reason)
             yield Dropped(position.stamp, f'smoother: {reason}')
 
 

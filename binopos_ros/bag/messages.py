@@ -7,6 +7,7 @@ as well: both have the same fields. Stamps are integer nanoseconds since the epo
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ POSE = 'geometry_msgs/msg/PoseStamped'
 VECTOR3 = 'geometry_msgs/msg/Vector3Stamped'
 ODOMETRY = 'nav_msgs/msg/Odometry'
 TF = 'tf2_msgs/msg/TFMessage'
+STATUS = 'diagnostic_msgs/msg/DiagnosticStatus'
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -176,6 +178,21 @@ def robot_odometry(
     message.pose.pose.orientation = _quaternion(rotation)
     message.pose.covariance = _covariance(covariance)
     return message
+
+
+def status(name: str, subject: str, level: int, word: str, values: Mapping[str, str]) -> Any:
+    """A word on something: who says it, of what, level 0 to 2, and what stands beside."""
+    return _make(
+        STATUS,
+        level=level,
+        name=name,
+        message=word,
+        hardware_id=subject,
+        values=[
+            _make('diagnostic_msgs/msg/KeyValue', key=key, value=value)
+            for key, value in values.items()
+        ],
+    )
 
 
 def transforms(stamp_ns: int, *each: tuple[str, str, ArrayLike, ArrayLike]) -> Any:

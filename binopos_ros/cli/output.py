@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.bag import BagWriter, messages
-from binopos_ros.pipeline import Event, Located, Seen
+from binopos_ros.pipeline import Event, Judged, Located, Seen
+from binopos_ros.smoothing.health import LEVELS
 from binopos_ros.triangulation.stage import Position
 
 CSV_COLUMNS = (
@@ -26,15 +27,24 @@ TOPICS = {
     'target/refractive_index': messages.VECTOR3,
     'target/pose': messages.POSE_WITH_COVARIANCE,
     'target/odometry': messages.ODOMETRY,
+    'target/pose_stamped': messages.POSE,
+    'target/health': messages.STATUS,
 }
 
 
 class Output:
-    """Writes events as the messages that the live nodes would have sent."""
+    """Writes events as the messages that the live nodes would have sent.
 
-    def __init__(self, writer: BagWriter, namespace: str) -> None:
+    Args:
+        writer: of the bag.
+        namespace: of the topics.
+        child_frame: the target's own.
+    """
+
+    def __init__(self, writer: BagWriter, namespace: str, child_frame: str) -> None:
         self._writer = writer
         self._namespace = namespace
+        self._child_frame = child_frame
         self._parts: set[str] = set()
         for topic, message_type in TOPICS.items():
             writer.add_topic(f'{namespace}/{topic}', message_type)
@@ -48,6 +58,12 @@ class Output:
             self._pose(f'{event.side}/centroid', centroid, place, covariance)
         elif isinstance(event, Located):
             self._located(event)
+        elif isinstance(event, Judged):
+            health = event.health
+            name = f'{self._namespace.lstrip("/")}/smoother: target'.lstrip('/')
+            values = health.values(event.frame_id)
+            message = messages.status(name, 'target', LEVELS[health.word], health.word, values)
+            self._write('target/health', event.stamp, message)
 
     def _located(self, event: Located) -> None:
         position = event.position
@@ -67,8 +83,15 @@ class Output:
             position.stamp, event.frame_id, state.position, covariance
         )
         self._write('target/pose', position.stamp, pose)
+        plain = messages.pose(position.stamp, event.frame_id, state.position)
+        self._write('target/pose_stamped', position.stamp, plain)
         odometry = messages.odometry(
-            position.stamp, event.frame_id, state.position, state.velocity, state.covariance
+            position.stamp,
+            event.frame_id,
+            state.position,
+            state.velocity,
+            state.covariance,
+            self._child_frame,
         )
         self._write('target/odometry', position.stamp, odometry)
 

@@ -150,7 +150,7 @@ def process_one(arguments: argparse.Namespace) -> Report:
             report.note(pipeline.caution)
         bag = stack.enter_context(written(arguments.output, arguments.force))
         writer = stack.enter_context(BagWriter(bag))
-        output = Output(writer, topics.namespace)
+        output = Output(writer, topics.namespace, pipeline.child_frame)
         table = None
         if arguments.csv:
             path = stack.enter_context(written(arguments.csv, arguments.force))

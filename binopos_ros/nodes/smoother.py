@@ -135,8 +135,9 @@ class SmootherNode(StageNode):
 
     def _tell(self) -> None:
         options = self._options
-        health = self._health.judge(time.monotonic(), options.health, options.sensor_timeout)
-        self._output.tell(health, self._frame_id)
+        health = self._health.news(time.monotonic(), options.health, options.sensor_timeout)
+        if health is not None:
+            self._output.tell(health, self._frame_id)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._smoother.reset()

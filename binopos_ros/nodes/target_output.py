@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -15,18 +14,8 @@ from binopos_ros.nodes import messages
 from binopos_ros.nodes.markers import no_markers, target_markers
 from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode
 from binopos_ros.nodes.transforms import DEPTH, TF, tf_message, transform
-from binopos_ros.smoothing.health import Health
+from binopos_ros.smoothing.health import LEVELS, Health
 from binopos_ros.smoothing.stage import Pose, SmootherOptions
-
-LEVELS = {
-    'starting': DiagnosticStatus.WARN,
-    'tracking': DiagnosticStatus.OK,
-    'coasting': DiagnosticStatus.WARN,
-    'degraded': DiagnosticStatus.WARN,
-    'lost': DiagnosticStatus.ERROR,
-}
-#: Seconds between two words on the target's health where it does not change.
-HEALTH_PERIOD = 0.5
 
 
 class TargetOutput:
@@ -48,8 +37,6 @@ class TargetOutput:
         self._plain = node.publisher(PoseStamped, 'target/pose_stamped')
         self._markers = node.publisher(MarkerArray, 'target/markers')
         self._health = node.publisher(DiagnosticStatus, 'target/health')
-        self._word = ''
-        self._told = -math.inf
         self._tf_message = tf_message('publish_tf') if options.publish_tf else None
         if self._tf_message is not None:
             self._tf = node.create_publisher(self._tf_message, TF, DEPTH)
@@ -88,20 +75,11 @@ class TargetOutput:
             )
 
     def tell(self, health: Health, frame_id: str) -> None:
-        """Publish the word on the target's health where it has changed, and twice per second."""
-        now = time.monotonic()
-        if health.word == self._word and now - self._told < HEALTH_PERIOD:
-            return
-        self._word, self._told = health.word, now
-        values = {
-            'Age of the last position (s)': f'{health.age:.3f}',
-            'Standard deviation (m)': f'{health.deviation:.5f}',
-            'Reason': health.reason,
-            'Frame': frame_id,
-        }
+        """Publish the word on the target's health."""
+        values = health.values(frame_id)
         self._health.publish(
             DiagnosticStatus(
-                level=LEVELS[health.word],
+                level=bytes([LEVELS[health.word]]),
                 name=f'{self._node.get_fully_qualified_name().lstrip("/")}: target',
                 message=health.word,
                 hardware_id='target',

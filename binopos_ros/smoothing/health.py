@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from binopos_ros.parameters import option
 
-#: From well to lost; `starting` before the first pose.
-WORDS = ('starting', 'tracking', 'coasting', 'degraded', 'lost')
+#: Each word's level in a diagnostic_msgs/DiagnosticStatus: 0 well, 1 a warning, 2 an error.
+LEVELS = {'starting': 1, 'tracking': 0, 'coasting': 1, 'degraded': 1, 'lost': 2}
+#: Seconds between two words where nothing changes.
+PERIOD = 0.5
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class Health:
     Attributes
     ----------
     word : str
-        One of `WORDS`.
+        One of `LEVELS`; `starting` before the first pose.
     reason : str
         Why it is not `tracking`; '' where it is.
     age : float
@@ -51,11 +53,22 @@ class Health:
     age: float
     deviation: float
 
+    def values(self, frame_id: str) -> dict[str, str]:
+        """What a message says beside the word; `frame_id` is the pose's."""
+        return {
+            'Age of the last position (s)': f'{self.age:.3f}',
+            'Standard deviation (m)': f'{self.deviation:.5f}',
+            'Reason': self.reason,
+            'Frame': frame_id,
+        }
+
 
 class HealthMonitor:
     """Judges the target by what was used, refused and published; instants in seconds."""
 
     def __init__(self) -> None:
+        self._word = ''
+        self._told = float('-inf')
         self.reset()
 
     def reset(self) -> None:
@@ -77,7 +90,15 @@ class HealthMonitor:
         """A pose was published, with that covariance of its position, (3, 3) m^2."""
         self._deviation = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
 
-    def judge(self, instant: float, options: HealthOptions, sensor_timeout: float) -> Health:
+    def news(self, instant: float, options: HealthOptions, sensor_timeout: float) -> Health | None:
+        """The judgement where the word has changed, and every `PERIOD`; else None."""
+        health = self._judge(instant, options, sensor_timeout)
+        if health.word == self._word and instant - self._told < PERIOD:
+            return None
+        self._word, self._told = health.word, instant
+        return health
+
+    def _judge(self, instant: float, options: HealthOptions, sensor_timeout: float) -> Health:
         """The word for this instant; the target is lost after `sensor_timeout`, s."""
         age = instant - self._used
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import importlib.util
+import re
 import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from binopos_ros.bag import BagReader, BagWriter
 from binopos_ros.bag.messages import (
@@ -21,6 +24,7 @@ from binopos_ros.bag.messages import (
     transforms_of,
 )
 from binopos_ros.cli.simulated_bag import START_NS
+from docking import Dock
 from verbs import binopos
 
 pytestmark = pytest.mark.xdist_group('moving_robot')
@@ -63,6 +67,18 @@ def places(rows: dict[int, dict[str, str]]) -> np.ndarray:
     return np.array([[float(row[axis] or 'nan') for axis in 'xyz'] for row in rows.values()])
 
 
+def decoded(folder: Path, topic: str) -> list[Any]:
+    """The messages of a topic in what `process` wrote."""
+    with BagReader(folder / 'out.mcap') as reader:
+        return [reader.decode(each) for each in reader.messages([f'/stereo/{topic}'])]
+
+
+def words(folder: Path) -> list[str]:
+    """What the target's health went through."""
+    told = [each.message for each in decoded(folder, 'target/health')]
+    return [word for word, before in zip(told, ['', *told], strict=False) if word != before]
+
+
 def edited(bag: Path, folder: Path, topic: str, keep) -> Path:
     """The bag with those messages of a topic that `keep`, called with their stamps, is true of."""
     folder.mkdir()
@@ -97,6 +113,7 @@ def test_transforms_and_odometry_give_the_same_poses_in_the_fixed_frame(bag, tmp
             for message in map(reader.decode, reader.messages(['/stereo/truth/fixed_pose']))
         }
     late = list(by_odometry)[PAIRS // 2 :]
+    assert words(tmp_path / 'tf') == ['starting', 'tracking']
     errors = places(by_odometry)[PAIRS // 2 :] - [truth[stamp] for stamp in late]
     assert np.sqrt((errors**2).sum(axis=1).mean()) < 0.0015
 
@@ -125,6 +142,11 @@ def test_pairs_without_a_pose_of_the_robot_are_counted_and_nothing_else_is_lost(
     inside = [stamp for stamp in rows if gap[0] < stamp < gap[1]]
     assert without == inside
     assert 'dropped: smoother: the odometry has a gap of # s about the image' in report
+    assert words(tmp_path / 'out') == ['starting', 'tracking', 'coasting', 'lost', 'tracking']
+    lost = next(each for each in decoded(tmp_path / 'out', 'target/health') if each.level == 2)
+    values = {each.key: each.value for each in lost.values}
+    assert 'the odometry ends' in values['Reason']
+    assert values['Frame'] == 'odom'
     end = edited(bag, tmp_path / 'end', ODOMETRY, lambda stamp: stamp < gap[1])
     rows, report = process(end, tmp_path / 'out2')
     assert [bool(row['x']) for row in rows.values()] == [
@@ -157,6 +179,27 @@ def test_transforms_that_cannot_be_cost_only_themselves(bag, tmp_path):
     assert rows == good
     for reason in ('quaternion of length #', 'has two parents', 'go in a circle'):
         assert reason in report
+
+
+def test_a_docking_server_makes_of_the_pose_a_goal_before_the_target(bag, tmp_path):
+    process(bag, tmp_path / 'out')
+    page = Path(__file__).parents[2] / 'docs' / 'robot.md'
+    (block,) = re.findall(r'```yaml\n(docking_server:.*?)```', page.read_text(), re.DOTALL)
+    server = yaml.safe_load(block)['docking_server']['ros__parameters']
+    dock = Dock(server['fixed_frame'], server['valve'])
+    for message in decoded(tmp_path / 'out', 'target/pose_stamped'):
+        turn = message.pose.orientation
+        quaternion = (turn.x, turn.y, turn.z, turn.w)
+        pose = message.header.frame_id, position_of(message), quaternion
+        stamp = stamp_of(message) * 1e-9
+        assert dock.refined(stamp + 1.1, stamp, *pose) is None
+        goal, heading = dock.refined(stamp + 0.3, stamp, *pose)
+    with BagReader(bag) as reader:
+        truth = position_of(reader.decode(next(reader.messages(['/stereo/truth/fixed_pose']))))
+    before = 0.6 * np.array([np.cos(0.5), np.sin(0.5)])
+    np.testing.assert_allclose(goal[:2], truth[:2] - before, atol=0.003)
+    assert abs(heading - 0.5) < 1e-9
+    assert dock.lookups == []
 
 
 @pytest.mark.parametrize(
