@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import time
-from collections import Counter
-from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping
 
 from rclpy.event_handler import QoSMessageLostInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from binopos_ros.nodes.offers import Request, requests_for
+from binopos_ros.nodes.losses import NUMBER, SENT, Informed
+from binopos_ros.nodes.offers import REQUESTED_DEPTH, Request, requests_for
 
-#: Seconds within which two subscriptions bring the same message.
-MEMORY = 2.0
+#: Messages of a topic that are remembered: more than two subscriptions lie apart, each of which
+#: keeps so many, and than a latched publisher sends again to one that is new.
+MEMORY = 4 * REQUESTED_DEPTH
 
 
 class Hearing:
@@ -22,7 +21,8 @@ class Hearing:
 
     One subscription that asks for little hears every publisher, but loses what reliable ones would
     have sent again, and what latched ones sent before. So each kind of publisher gets its own, and
-    what comes by two of them is taken once.
+    what comes by two of them is taken once: the instant at which it was sent and its number tell
+    what is the same.
 
     Args:
         node: makes the subscriptions.
@@ -46,7 +46,7 @@ class Hearing:
         self._take = take
         self._lose = lose
         self._requests: set[Request] = set()
-        self._recent: dict[int, _Recent] = {}
+        self._recent: dict[tuple[int, int | None], None] = {}
 
     def adapt(self, offers: Iterable[QoSProfile]) -> None:
         """Hear publishers that offer this too; what is heard already stays."""
@@ -57,8 +57,8 @@ class Hearing:
         """Subscribe, whether or not anybody publishes yet."""
         self._requests.add(request)
 
-        def on_message(data: bytes) -> None:
-            if len(self._requests) == 1 or self._is_new(request, data):
+        def on_message(data: bytes, info: Mapping[str, int | None]) -> None:
+            if self._is_new(info.get(SENT), info.get(NUMBER)):
                 self._take(data)
 
         def on_lost(info: QoSMessageLostInfo) -> None:
@@ -67,7 +67,7 @@ class Hearing:
         self._node.create_subscription(
             self._message_class,
             self._topic,
-            on_message,
+            Informed(on_message),
             request.profile(),
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(
@@ -77,21 +77,13 @@ class Hearing:
             ),
         )
 
-    def _is_new(self, request: Request, data: bytes) -> bool:
-        """Whether no other subscription has brought this message as often as this one now has."""
-        now = time.monotonic()
-        for key in [key for key, each in self._recent.items() if now - each.last > MEMORY]:
-            del self._recent[key]
-        key = hash(data)
-        counts = self._recent[key].counts if key in self._recent else Counter[Request]()
-        most = max(counts.values(), default=0)
-        counts[request] += 1
-        self._recent[key] = _Recent(now, counts)
-        return counts[request] > most
-
-
-class _Recent(NamedTuple):
-    """How often each subscription has brought a message, and when it came last."""
-
-    last: float
-    counts: Counter[Request]
+    def _is_new(self, sent: int | None, number: int | None) -> bool:
+        """Whether no other subscription has brought this message; of one without a name, yes."""
+        if not sent:
+            return True
+        if (sent, number) in self._recent:
+            return False
+        self._recent[sent, number] = None
+        if len(self._recent) > MEMORY:
+            del self._recent[next(iter(self._recent))]
+        return True

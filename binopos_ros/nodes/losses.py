@@ -43,12 +43,11 @@ class Gaps:
         return number - nearest - 1
 
 
-class Counted:
-    """A subscription's callback that counts what was lost, and looks at the clocks of who sends.
+class Informed:
+    """A subscription's callback that is told what the middleware says of each message.
 
     Args:
-        take: gets each message.
-        lose: gets the number of messages that were lost, where there are any.
+        take: gets each message and its info.
     """
 
     #: rclpy asks a callback how many arguments it takes.
@@ -59,21 +58,30 @@ class Counted:
         ]
     )
 
+    def __init__(self, take: Callable[[Any, Mapping[str, int | None]], None]) -> None:
+        self._informed = take
+
+    def __call__(self, *arguments: Any) -> None:
+        """Take a message; the EventsExecutor of rclpy 7.1 gives it and its info as one tuple."""
+        message, info = arguments if len(arguments) > 1 else arguments[0]
+        self._informed(message, info)
+
+
+class Counted(Informed):
+    """A subscription's callback that counts what was lost, and looks at the clocks of who sends.
+
+    Args:
+        take: gets each message.
+        lose: gets the number of messages that were lost, where there are any.
+    """
+
     def __init__(self, take: Callable[[Any], None], lose: Callable[[int], None]) -> None:
+        super().__init__(self._on_message)
         self._take = take
         self._lose = lose
         self._gaps = Gaps()
         self._numbered = False
         self._least = math.inf
-
-    def __call__(self, *arguments: Any) -> None:
-        """Take a message; the EventsExecutor of rclpy 7.1 gives it and its info as one tuple."""
-        message, info = arguments if len(arguments) > 1 else arguments[0]
-        self._count(info)
-        sent, came = info.get(SENT), info.get(CAME)
-        if sent and came:
-            self._least = min(self._least, (came - sent) * 1e-9)
-        self._take(message)
 
     def clock_trouble(self) -> str:
         """What is wrong with the clock of who sends, by all that came since the last call, or ''.
@@ -92,6 +100,13 @@ class Counted:
     def events(self) -> SubscriptionEventCallbacks:
         """The events of the subscription: they count where the middleware numbers nothing."""
         return SubscriptionEventCallbacks(message_lost=self._on_lost)
+
+    def _on_message(self, message: Any, info: Mapping[str, int | None]) -> None:
+        self._count(info)
+        sent, came = info.get(SENT), info.get(CAME)
+        if sent and came:
+            self._least = min(self._least, (came - sent) * 1e-9)
+        self._take(message)
 
     def _count(self, info: Mapping[str, int | None]) -> None:
         number = info.get(NUMBER)

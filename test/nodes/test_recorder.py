@@ -72,6 +72,26 @@ def test_records_the_suites_topics_as_they_were_offered(start, peer, tmp_path):
     assert (offer.reliability, offer.durability) == ('reliable', 'transient_local')
 
 
+def test_what_is_latched_while_the_recorder_looks_about_is_recorded_once(start, peer, tmp_path):
+    """A plain subscription hears it, and a latched one that is made for it hears it again."""
+    node = start('recorder', parameters={'recorder': {'bag': str(tmp_path / 'bag')}})
+    calibration = peer.node.create_publisher(CameraInfo, 'left/camera_info', LATCHED)
+    peer.wait_for(lambda: calibration.get_subscription_count() > 0, 'the recorder')
+    calibration.publish(CameraInfo(width=640))
+    peer.wait_for(lambda: calibration.get_subscription_count() == 2, 'both subscriptions')
+    calibration.publish(CameraInfo(width=641))
+
+    def widths():
+        with BagReader(tmp_path / 'bag') as reader:
+            infos = map(reader.decode, reader.messages(['/stereo/left/camera_info']))
+            return [each.width for each in infos]
+
+    peer.wait_for(lambda: file_holds(tmp_path / 'bag', 'left/camera_info'), 'the disk')
+    peer.wait_for(lambda: 641 in widths(), 'the second on the disk')
+    assert node.end()[0] == 0
+    assert widths() == [640, 641]
+
+
 def numbers_of(path):
     """The images' numbers, by their stamps and by their content."""
     with BagReader(path) as reader:
