@@ -83,8 +83,7 @@ class Pipeline:
     """
 
     def __init__(self, parameters: Mapping[str, Mapping[str, Any]]) -> None:
-        detection = build(DetectorOptions, _of_stage(parameters['detector']))
-        self._cameras = stages_of_pair(detection)
+        self._cameras = stages_of_pair(detector_options(parameters['detector']))
         self._triangulator = Triangulator(build(TriangulatorOptions, parameters['triangulator']))
         smoothing = parameters['smoother']
         self._platform = make_platform(smoothing)
@@ -249,7 +248,13 @@ def make_platform(values: Mapping[str, Any]) -> Platform:
     return Platform(build(FixedFrameOptions, {k: v for k, v in values.items() if k in own}))
 
 
-def _of_stage(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The detector's values without those that say how a live node takes its pictures in."""
+def detector_options(values: Mapping[str, Any]) -> DetectorOptions:
+    """The detector's options; how a live node takes its pictures in is not among them.
+
+    Raises:
+        ParameterError, DetectionError: the values cannot be used.
+    """
     of_node = specs_of(ArrivalOptions)
-    return {name: value for name, value in values.items() if name not in of_node}
+    own = {name: value for name, value in values.items() if name not in of_node}
+    options: DetectorOptions = build(DetectorOptions, own)
+    return options

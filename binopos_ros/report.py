@@ -138,6 +138,7 @@ class Report:
     truth: Track = field(default_factory=Track)
     fixed_truth: Track = field(default_factory=Track)
     fixed_frame: str = ''
+    interrupted: bool = False
     parameters: Sequence[str] = ()
     notes: Counter[str] = field(default_factory=Counter)
 
@@ -203,7 +204,9 @@ class Report:
         ):
             if len(errors):
                 rows.append((f'error of {name} against truth, RMS', _rms_text(errors)))
-        if not truth.stamps:
+        if self.interrupted:
+            rows.append(('interrupted', 'before the end of the bag'))
+        elif not truth.stamps:
             name = 'truth/fixed_pose' if fixed else 'truth/pose'
             rows.append(('error against truth', f'the bag holds no {name}'))
         if fixed:

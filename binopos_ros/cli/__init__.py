@@ -6,7 +6,6 @@ Modules are imported only when their verb is called, so that `binopos --help` ne
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import os
 import sys
@@ -14,6 +13,7 @@ from collections.abc import Sequence
 
 from binopos_ros import __version__
 from binopos_ros.cli.leftovers import clear_leftovers
+from binopos_ros.cli.parser import VerbParser, split_ros_arguments
 
 #: Verb -> what it does, in the order of the help.
 VERBS = {
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; the exit status. Bad input is one line on stderr and status 2."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     words, ros_words = split_ros_arguments(words)
-    parser = argparse.ArgumentParser(
+    parser = VerbParser(
         prog='binopos',
         description='Stereo positioning of a red target through water or glass.',
         epilog='`binopos VERB --help` tells more about a verb.',
@@ -62,20 +62,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ValueError, OSError, RuntimeError) as error:
         print(f'binopos {parsed.verb}: {" ".join(str(error).split())}', file=sys.stderr)
         return USAGE_ERROR
-
-
-def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Part `--ros-args ... [--]` from the verb's own words, as rcl does."""
-    own: list[str] = []
-    ros: list[str] = []
-    inside = False
-    for word in words:
-        if word == '--ros-args':
-            inside = True
-        elif word == '--' and inside:
-            inside = False
-        elif inside:
-            ros.append(word)
-        else:
-            own.append(word)
-    return own, ros

@@ -43,16 +43,18 @@ from binopos_ros.cli.calibrate_arguments import add_arguments
 from binopos_ros.cli.calibrate_camera import calibrate_one
 from binopos_ros.cli.calibrate_report import report
 from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
-from binopos_ros.cli.config import parameters_of
+from binopos_ros.cli.config import layers, parameters_of, ros_words
 from binopos_ros.cli.convert_calibration import convert
 from binopos_ros.cli.fixed_target import fixed_target_text
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.stereo_topics import choice_of
+from binopos_ros.cli.terminal import fitted
+from binopos_ros.node_options import OPTIONS, Parameters
 from binopos_ros.nodes.ros import require_ros
 from binopos_ros.optics import stereo_from_camera_infos
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.parameters import build
-from binopos_ros.pipeline import make_platform
+from binopos_ros.pipeline import detector_options, make_platform
 from binopos_ros.sides import SIDES
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.options import TriangulatorOptions
@@ -68,6 +70,7 @@ NOT_HOLDING = 1
 def main(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     _quieten_opencv()
+    _refuse_slips(arguments)
     if arguments.what == 'camera':
         return calibrate_one(arguments, _board_of(arguments))
     kinds = {
@@ -78,6 +81,13 @@ def main(arguments: argparse.Namespace) -> int:
         'convert': convert,
     }
     return kinds[arguments.what](arguments)
+
+
+def _refuse_slips(arguments: argparse.Namespace) -> None:
+    """See that what is given for nodes could be theirs, whether or not this kind runs them."""
+    parameters = Parameters(layers(arguments), arguments.ros_arguments)
+    for name in OPTIONS:
+        parameters.of_node(name)
 
 
 def _quieten_opencv() -> None:
@@ -104,7 +114,7 @@ def _stereo(arguments: argparse.Namespace) -> int:
         calibration.adjustment.covariance,
         tuple(arguments.names),
     )
-    print(summarise_stereo(calibration))
+    print(fitted(summarise_stereo(calibration)))
     for one in unmatched:
         print(f'  {one}')
     paths.append(stereo_report(arguments.output, calibration))
@@ -148,7 +158,7 @@ def _interface(arguments: argparse.Namespace) -> int:
             )
     calibration = calibrate_interface(air, views, guesses, covariance, sigma=sigma)
     paths = write_interface(output, calibration)
-    print(summarise_interface(calibration))
+    print(fitted(summarise_interface(calibration)))
     for one in left_out:
         print(f'  {one}')
     paths.append(interface_report(output, calibration))
@@ -201,7 +211,9 @@ def _check(arguments: argparse.Namespace) -> int:
     places = zip((SHARED, LEFT_PORT, RIGHT_PORT), options.interfaces(), strict=True)
     interfaces = {place: interface for place, interface in places if interface is not None}
     rig = replace(state, interfaces=interfaces).rig()
-    targets = target_pairs(arguments.bag, choice=choice_of(arguments))
+    targets = target_pairs(
+        arguments.bag, detector_options(parameters.of_node('detector')), choice_of(arguments)
+    )
     seen = (
         np.array([pair.left.centre for pair in targets]),
         np.array([pair.right.centre for pair in targets]),
@@ -216,7 +228,7 @@ def _check(arguments: argparse.Namespace) -> int:
     if twice.is_twice:
         return NOT_HOLDING
     result = check(rig, found.points, found.residuals, covariance)
-    print(result.text)
+    print(fitted(result.text))
     platform = make_platform(parameters.of_node('smoother'))
     if platform.active:
         choice, stamps = choice_of(arguments), [pair.stamp for pair in targets]
@@ -285,7 +297,7 @@ def _taken_live(
                     CalibratorNode, session, lambda text: print(f'{clear}{text}', flush=True)
                 )
             },
-            arguments.ros_arguments,
+            ros_words(layers(arguments), arguments.ros_arguments),
         )
     finally:
         signal.signal(signal.SIGINT, before)
@@ -321,7 +333,9 @@ def _ball_views(arguments: argparse.Namespace, air: RigState) -> tuple[list[View
         raise CalibrationError(
             f'--target-diameter {arguments.target_diameter:g}: give metres, as 0.04'
         )
-    pairs = target_pairs(arguments.source, choice=choice_of(arguments))
+    parameters = parameters_of(arguments, arguments.source)
+    detection = detector_options(parameters.of_node('detector'))
+    pairs = target_pairs(arguments.source, detection, choice_of(arguments))
     pairs = pairs[:: max(1, len(pairs) // BALLS)][:BALLS]
     spread = np.median(
         [np.trace(blob.covariance) / 2 for p in pairs for blob in (p.left, p.right)]

@@ -132,7 +132,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_topic_arguments(daily)
     add_remap_argument(daily)
-    add_config_argument(daily)
 
     add_report_arguments(
         kinds.add_parser('report', help='how accurate the rig is, over its working volume')
@@ -140,6 +139,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_convert_arguments(
         kinds.add_parser('convert', help='calibration files between ROS, kalibr and OpenCV')
     )
+    for kind in kinds.choices.values():
+        add_config_argument(kind)
 
 
 def _add_source(parser: argparse.ArgumentParser) -> None:

@@ -17,6 +17,7 @@ from binopos_ros.calibration.views.pictures import read_picture
 from binopos_ros.calibration.views.sources import SUFFIXES
 from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.progress import progress
+from binopos_ros.cli.terminal import fitted
 from binopos_ros.sides import SIDES
 
 
@@ -66,7 +67,7 @@ def calibrate_one(arguments: argparse.Namespace, board: Board) -> int:
         )
     calibration = calibrate_alone(views, sizes.pop(), arguments.lens)
     paths = write_camera(arguments.output, arguments.side, calibration)
-    print(summarise_camera(calibration, arguments.side))
+    print(fitted(summarise_camera(calibration, arguments.side)))
     for one in dropped:
         print(f'  {one}')
     for path in paths:

@@ -16,7 +16,8 @@ from binopos_ros.calibration.report.accuracy_page import (
     baseline_rows,
 )
 from binopos_ros.calibration.report.files import INTERFACE_FILE, read_stereo
-from binopos_ros.cli.config import add_config_argument, parameters_of
+from binopos_ros.cli.config import parameters_of
+from binopos_ros.cli.terminal import fitted
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED
 from binopos_ros.parameters import build
 from binopos_ros.triangulation.options import TriangulatorOptions
@@ -54,7 +55,6 @@ def add_report_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='DIR',
         help='folder of accuracy.html (default: CALIBRATION)',
     )
-    add_config_argument(parser)
 
 
 def report(arguments: argparse.Namespace) -> int:
@@ -79,7 +79,7 @@ def report(arguments: argparse.Namespace) -> int:
     reach = working_range(state, arguments.near, arguments.far)
     found = accuracy_map(state, covariance, arguments.noise, reach)
     baselines = baseline_rows(state, covariance, arguments.noise, reach, arguments.wanted)
-    print(accuracy_text(found, baselines, arguments.wanted))
+    print(fitted(accuracy_text(found, baselines, arguments.wanted)))
     folder = arguments.output or arguments.calibration
     print(f'written: {accuracy_page(folder, found, baselines, arguments.wanted)}')
     return 0

@@ -37,7 +37,7 @@ from binopos_ros.calibration.views.sources import open_files
 from binopos_ros.calibration.views.targets import Blob, TargetPair
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.recorded_calibration import calibrations
-from binopos_ros.detection import Detector, Frame, decode
+from binopos_ros.detection import Detector, DetectorOptions, Frame, decode
 from binopos_ros.detection.images import halves, image_of
 from binopos_ros.optics import CameraInfo
 from binopos_ros.pairing import Pair, PairMatcher
@@ -82,17 +82,20 @@ def is_bag(source: Path) -> bool:
     return is_bag_file(source)
 
 
-def target_pairs(bag: Path, choice: TopicChoice | None = None) -> list[TargetPair]:
+def target_pairs(
+    bag: Path, options: DetectorOptions | None = None, choice: TopicChoice | None = None
+) -> list[TargetPair]:
     """The target in every pair of a bag that shows it.
 
     Args:
         bag: with `left/centroid` and `right/centroid`, or with pictures.
+        options: how the target is found in pictures; None: the defaults.
         choice: which of the bag's topics are the rig's; None: found by their names.
 
     Raises:
         CalibrationError: no pair shows the target.
     """
-    pairs = list(_recorded(bag, choice)) or list(_detected(bag, choice))
+    pairs = list(_recorded(bag, choice)) or list(_detected(bag, options, choice))
     if not pairs:
         raise CalibrationError(
             f'{bag}: the target is in no pair of pictures: check the lighting, or the options of '
@@ -167,8 +170,10 @@ def _recorded(bag: Path, choice: TopicChoice | None) -> Iterator[TargetPair]:
                     yield TargetPair(outcome.left[0], outcome.left[1], outcome.right[1])
 
 
-def _detected(bag: Path, choice: TopicChoice | None) -> Iterator[TargetPair]:
-    detectors = [Detector() for _ in SIDES]
+def _detected(
+    bag: Path, options: DetectorOptions | None, choice: TopicChoice | None
+) -> Iterator[TargetPair]:
+    detectors = [Detector(options) for _ in SIDES]
     for outcome in _paired_images(bag, choice):
         if not isinstance(outcome, Pair):
             continue

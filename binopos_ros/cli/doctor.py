@@ -17,6 +17,7 @@ from binopos_ros.capture.usb import Camera
 from binopos_ros.cli import machine
 from binopos_ros.cli.config import add_config_argument, parameters_of
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
+from binopos_ros.cli.terminal import fitted
 from binopos_ros.optics import stereo_contradictions, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_url import name_fault, read_calibration
 from binopos_ros.optics.errors import OpticsError
@@ -51,7 +52,7 @@ def main(arguments: argparse.Namespace) -> int:
         )
     worst = OK
     for finding in findings(options, arguments.seconds):
-        print(finding, flush=True)
+        print(fitted(finding), flush=True)
         worst = max(worst, finding.level)
     return 1 if worst == FAULT else 0
 

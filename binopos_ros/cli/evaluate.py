@@ -6,11 +6,15 @@ import argparse
 import dataclasses
 import sys
 from pathlib import Path
+from typing import Any
 
+from binopos_ros.cli.config import add_config_argument, parameters_of
 from binopos_ros.cli.progress import progress
 from binopos_ros.evaluation import QUICK, Results, Settings, Store, evaluate, tables
 from binopos_ros.evaluation.figures import Figure, figures
 from binopos_ros.evaluation.page import as_text, write_csv, write_page
+from binopos_ros.parameters import specs_of
+from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 
 HELP = "the paper's experiments and the comparison of filters: tables and plots"
 
@@ -19,8 +23,10 @@ examples:
   binopos evaluate --quick                a minute's version
   binopos evaluate -o evaluation          100 experiments of each kind, 200 sequences
 
-Results are kept in the folder part by part: a run that was stopped goes on where it was, and a
-second one only writes the report. A part is made anew when what it depends on has changed.
+Results are kept in the folder part by part: a run that was stopped goes on
+where it was, and a second one only writes the report. A part is made anew when
+what it depends on has changed. What --config and -p give the smoother holds for
+its filter in the comparison, in the place of the tuned values.
 """
 
 
@@ -55,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="noise of the target's centre in each picture, px (default: 0.05)",
     )
     parser.add_argument('--seed', type=int, metavar='S', help='default: 2018')
+    add_config_argument(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -64,7 +71,8 @@ def main(arguments: argparse.Namespace) -> int:
         if getattr(arguments, name) is not None
     }
     settings = dataclasses.replace(QUICK if arguments.quick else Settings(), **chosen)
-    results = evaluate(settings, Store(arguments.output / 'parts'), progress)
+    tried = _tried(arguments)
+    results = evaluate(settings, Store(arguments.output / 'parts'), progress, tried)
     made = tables(results)
     write_csv(arguments.output, made)
     page = write_page(arguments.output, settings, made, _pictures(results))
@@ -72,6 +80,15 @@ def main(arguments: argparse.Namespace) -> int:
         print(f'{as_text(table)}\n')
     print(f'{page}: tables and pictures; the tables are beside it as CSV')
     return 0
+
+
+def _tried(arguments: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """The smoother's own parameters, as those of its filter in the comparison."""
+    values = parameters_of(arguments).of_node('smoother')
+    method = values.get('method') or specs_of(SmootherOptions)['method'].default
+    own = specs_of(filter_options_type(method))
+    given = {name: value for name, value in values.items() if name in own and value is not None}
+    return {method: given} if given else {}
 
 
 def _pictures(results: Results) -> list[Figure]:

@@ -30,6 +30,7 @@ from binopos_ros.cli.outputs import add_force_argument, written
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.recorded_calibration import calibrations, camera_info_of
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
+from binopos_ros.cli.terminal import fitted
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage, decode
 from binopos_ros.detection.images import halves, image_of
 from binopos_ros.optics import CameraInfo, OpticsError
@@ -111,7 +112,7 @@ def main(arguments: argparse.Namespace) -> int:
     (arguments.bag,) = arguments.bags
     report = process_one(arguments)
     print(f'{arguments.bag} -> {arguments.output}')
-    print(report)
+    print(fitted(report))
     if not report.raw.stamps:
         print(f'binopos process: {arguments.bag} gave no position', file=sys.stderr)
         return 1

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 TERMINAL_PERIOD = 0.1
 PLAIN_PERIOD = 10.0
 WIDTH = 30
+#: Seconds of steps from which a pace can be told.
+SETTLING = 1.0
 
 
 @contextmanager
@@ -32,13 +34,15 @@ class _Bar:
         self._done = 0
         self._is_terminal = sys.stderr.isatty()
         self._period = TERMINAL_PERIOD if self._is_terminal else PLAIN_PERIOD
-        self._start = time.monotonic()
-        self._next = self._start + self._period
+        self._next = time.monotonic() + self._period
+        self._first: float | None = None
 
     def step(self) -> None:
         """Count one step, and show it where it is time to."""
         self._done += 1
         now = time.monotonic()
+        if self._first is None:
+            self._first = now
         if now >= self._next:
             self._next = now + self._period
             self._show(now)
@@ -50,14 +54,24 @@ class _Bar:
 
     def _show(self, now: float) -> None:
         share = min(self._done / self._total, 1.0)
-        left = (now - self._start) * (1.0 - share) / share
-        told = f'{self._done} of {self._total}, {_clock(left)} left'
+        told = f'{self._done} of {self._total}{self._left(now)}'
         if self._is_terminal:
             bar = '#' * round(WIDTH * share)
             line = f'\r\x1b[K{self._what} [{bar:<{WIDTH}}] {told}'
             print(line, end='', file=sys.stderr, flush=True)
         else:
             print(f'{self._what}: {told}', file=sys.stderr, flush=True)
+
+    def _left(self, now: float) -> str:
+        """The time that is left at the pace since the first step, once that has settled.
+
+        What comes before the first step, as opening a file, is done once.
+        """
+        assert self._first is not None
+        gone, steps = now - self._first, self._done - 1
+        if gone < SETTLING or not steps:
+            return ''
+        return f', {_clock(gone * max(self._total - self._done, 0) / steps)} left'
 
 
 def _clock(seconds: float) -> str:

@@ -27,6 +27,7 @@ from binopos_ros.cli.supervisor import (
     enclave_words,
     viewer_of,
 )
+from binopos_ros.cli.terminal import fitted
 from binopos_ros.cli.transport import transport_environment
 from binopos_ros.node_options import NAMESPACE, QOS_OVERRIDES, Parameters
 from binopos_ros.nodes.ros import require_ros
@@ -129,7 +130,8 @@ def main(arguments: argparse.Namespace) -> int:
     if problem:
         print(f'binopos replay: {problem}', file=sys.stderr)
         return 2
-    print(report)
+    report.interrupted = replay.interrupted
+    print(fitted(report))
     if replay.interrupted:
         return 130
     return 0 if report.filtered.stamps else 1

@@ -7,8 +7,10 @@ import math
 from pathlib import Path
 
 from binopos_ros.calibration.views.board import CHESSBOARD, KINDS, Board, parse_size
+from binopos_ros.cli.config import add_config_argument, parameters_of
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.simulated_bag import record
+from binopos_ros.node_options import OPTIONS
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.presets import PRESETS, Choices, in_air, with_board
 from binopos_ros.simulation.rig_motion import MOTIONS, Odometer
@@ -18,18 +20,23 @@ HELP = 'render a scene with known truth to a bag'
 
 EPILOG = """\
 examples:
-  binopos simulate -o bowl                          the paper's washbowl, 300 pairs, calm water
-  binopos simulate -o rough --waves 0.001 --still   a still target under waves of 1 mm
-  binopos simulate -o brine --salt 1.37             salt at the bottom of the bowl
-  binopos simulate -o robot --preset ports          a robot's cameras behind glass ports
-  binopos simulate -o wide --preset domes           ... with wide lenses, behind domes
-  binopos simulate -o reef --preset ports --still --motion hover    ... which hovers
-  binopos simulate -o dry --board 9x6 --air --pairs 40 --rate 2    boards for calibrate stereo
-  binopos simulate -o wet --board 9x6 --pairs 15 --rate 2          ... and calibrate interface
+  the paper's washbowl, 300 pairs, calm water; a still target under waves of 1 mm:
+    binopos simulate -o bowl
+    binopos simulate -o rough --waves 0.001 --still
+  salt at the bottom of the bowl:
+    binopos simulate -o brine --salt 1.37
+  a robot's cameras behind glass ports, behind domes, and one which hovers:
+    binopos simulate -o robot --preset ports
+    binopos simulate -o wide --preset domes
+    binopos simulate -o reef --preset ports --still --motion hover
+  boards for calibrate stereo, and for calibrate interface:
+    binopos simulate -o dry --board 9x6 --air --pairs 40 --rate 2
+    binopos simulate -o wet --board 9x6 --pairs 15 --rate 2
 
-The bag's folder also holds binopos.yaml (what the cameras look through), left.yaml and right.yaml
-(their calibration), so that `binopos process BAG -o OUT.mcap` needs nothing else. The true
-position of the target is on /stereo/truth/pose.
+The bag's folder also holds binopos.yaml (what the cameras look through, and
+what --config and -p give), left.yaml and right.yaml (their calibration), so that
+`binopos process BAG -o OUT.mcap` needs nothing else. The true position of the
+target is on /stereo/truth/pose.
 """
 
 FORMATS = {
@@ -194,12 +201,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N',
         help='pictures rendered at once, without effect on the bag (default: one per processor)',
     )
+    add_config_argument(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
     preset = PRESETS[arguments.preset]
     pairs = preset.pairs if arguments.pairs is None else arguments.pairs
     _refuse_contradictions(arguments)
+    parameters = parameters_of(arguments)
+    given = {name: values for name in OPTIONS if (values := parameters.of_node(name))}
     board = _board(arguments)
     scene = preset.make(
         Choices(
@@ -234,6 +244,7 @@ def main(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
             threads=arguments.threads,
             on_pair=tick,
+            given=given,
         )
     print(
         f'{arguments.output}: {pairs} pairs, {pairs / scene.rate:.1f} s, '

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from binopos_ros.bag import BagWriter, messages
@@ -39,6 +42,7 @@ def record(
     seed: int = 0,
     threads: int | None = None,
     on_pair: Callable[[], None] = lambda: None,
+    given: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> None:
     """Render pairs of a scene into a new bag.
 
@@ -56,6 +60,7 @@ def record(
         seed: of the noise; the same seed gives the same bytes, whatever the number of threads.
         threads: that render at once; default one per processor.
         on_pair: called after each pair that was written.
+        given: parameters by node that go over those that follow from the scene.
 
     Raises:
         SimulationError: nothing to render.
@@ -86,7 +91,7 @@ def record(
             rng = np.random.default_rng([seed, ODOMETRY])
             robot = SimulatedPlatform(writer, NAMESPACE, scene.path, scene.odometer, stamps, rng)
             robot.write_mounting(FRAMES, np.asarray(rig.rotation), np.asarray(rig.translation))
-        write_calibration(scene, infos, Path(path))
+        write_calibration(scene, infos, Path(path), _blocks(given))
         for number, pictures in enumerate(encoded_pairs(scene, pairs, seed, threads)):
             stamp = int(stamps[number])
             if robot is not None:
@@ -106,6 +111,20 @@ def record(
             on_pair()
         if robot is not None:
             robot.write_until(None)
+
+
+def _blocks(given: Mapping[str, Mapping[str, Any]]) -> str:
+    """Blocks of a parameter file."""
+    blocks = {
+        f'{NAMESPACE}/{node}': {
+            'ros__parameters': {
+                name: list(value) if isinstance(value, tuple) else value
+                for name, value in values.items()
+            }
+        }
+        for node, values in given.items()
+    }
+    return yaml.safe_dump(blocks, sort_keys=False, default_flow_style=None) if blocks else ''
 
 
 def _picture_message(

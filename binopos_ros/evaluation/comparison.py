@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Sequence as Series
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from binopos_ros.evaluation.trials.protocols import CONTROLS
 from binopos_ros.evaluation.trials.score import SETTLING, run, run_together
 from binopos_ros.evaluation.trials.sequences import Sequence
 from binopos_ros.smoothing import FILTERS, make_filter
+from binopos_ros.smoothing.base import Filter
 
 Array = NDArray[np.float64]
 Ticker = Callable[[], None]
@@ -50,9 +51,10 @@ class Scores(NamedTuple):
     seconds: Array
 
 
-def errors_on(name: str, trials: Series[Sequence], tick: Ticker) -> tuple[Array, float]:
+def errors_on(
+    smoother: Filter[Any], trials: Series[Sequence], tick: Ticker
+) -> tuple[Array, float]:
     """Errors (N, frames, 3) in m of a filter on trials, and its time per step in s."""
-    smoother = make_filter(name)
     tracks = []
     for trial in trials:
         tracks.append(run(smoother, trial))
@@ -63,9 +65,8 @@ def errors_on(name: str, trials: Series[Sequence], tick: Ticker) -> tuple[Array,
     )
 
 
-def scores_on(name: str, trials: Series[Sequence], tick: Ticker) -> Scores:
+def scores_on(smoother: Filter[Any], trials: Series[Sequence], tick: Ticker) -> Scores:
     """Scores of a filter on sequences that it was not tuned on."""
-    smoother = make_filter(name)
     rows = []
     for trial in trials:
         track = run(smoother, trial)

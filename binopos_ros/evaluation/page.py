@@ -5,13 +5,17 @@ from __future__ import annotations
 import base64
 import csv
 import html
-from collections.abc import Iterable
+import textwrap
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from binopos_ros.evaluation.figures import Figure
 from binopos_ros.evaluation.settings import Settings
 from binopos_ros.evaluation.tables import Table
 
+#: Of a terminal, in characters.
+WIDTH = 80
+INDENT, GAP = '  ', '  '
 STYLE = (
     'body{font:15px/1.45 sans-serif;max-width:75em;margin:2em auto;padding:0 1em}'
     'img{max-width:100%}table{border-collapse:collapse}'
@@ -52,17 +56,33 @@ def write_page(
 
 
 def as_text(table: Table) -> str:
-    """A table for a terminal."""
+    """A table for a terminal: columns that do not fit follow below, with the first one again."""
     lines = [table.header, *table.rows]
     widths = [max(len(line[column]) for line in lines) for column in range(len(table.header))]
-    text = [
-        '  '.join(
-            cell.ljust(width) if number == 0 else cell.rjust(width)
-            for number, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]
-    return '\n'.join([table.title, *(f'  {line}' for line in text)])
+    text = textwrap.wrap(table.title, WIDTH)
+    for number, columns in enumerate(_columns_that_fit(widths)):
+        if number:
+            text.append('')
+        for line in lines:
+            cells = [
+                line[0].ljust(widths[0]),
+                *(line[each].rjust(widths[each]) for each in columns),
+            ]
+            text.append(f'{INDENT}{GAP.join(cells)}'.rstrip())
+    return '\n'.join(text)
+
+
+def _columns_that_fit(widths: Sequence[int]) -> list[list[int]]:
+    """The columns after the first, in groups that fit beside it."""
+    groups: list[list[int]] = [[]]
+    used = start = len(INDENT) + widths[0]
+    for column, width in enumerate(widths[1:], 1):
+        if groups[-1] and used + len(GAP) + width > WIDTH:
+            groups.append([])
+            used = start
+        groups[-1].append(column)
+        used += len(GAP) + width
+    return groups
 
 
 def _about(settings: Settings) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from typing import NamedTuple, Protocol
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from binopos_ros.evaluation.store import Arrays, Store
 from binopos_ros.evaluation.trials.protocols import CONTROLS
 from binopos_ros.evaluation.trials.sequences import Sequence, unseen_set
 from binopos_ros.smoothing import make_filter
+from binopos_ros.smoothing.base import Filter
 
 Array = NDArray[np.float64]
 
@@ -59,8 +61,17 @@ class Results(NamedTuple):
     kinds: tuple[str, ...]
 
 
-def evaluate(settings: Settings, store: Store, progress: Progress) -> Results:
-    """Make what the store does not hold yet; all results."""
+def evaluate(
+    settings: Settings,
+    store: Store,
+    progress: Progress,
+    options: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+) -> Results:
+    """Make what the store does not hold yet; all results.
+
+    `options` are those of filters, by name, that are to be compared otherwise than as tuned.
+    """
+    filters = {name: make_filter(name, **options.get(name, {})) for name in ALL_FILTERS}
     sizes = f'{__version__} {dataclasses.asdict(settings)}'
     air = store.part('transforming', sizes, lambda: _transforming(settings, progress))
     salt = store.part('inhomogeneous', sizes, lambda: _salted(settings, progress))
@@ -69,8 +80,8 @@ def evaluate(settings: Settings, store: Store, progress: Progress) -> Results:
     for name in PAPER_FILTERS:
         part = store.part(
             f'fluctuating-{name}',
-            f'{sizes} {make_filter(name).options}',
-            lambda name=name: _filtered(name, waves.trials(), progress),  # type: ignore[misc]
+            f'{sizes} {filters[name].options}',
+            lambda name=name: _filtered(filters[name], waves.trials(), progress),  # type: ignore[misc]
         )
         fluctuating[name], seconds[name] = part['errors'], float(part['seconds'])
     paper = make_filter('cloud-kalman', variant='paper')
@@ -81,8 +92,8 @@ def evaluate(settings: Settings, store: Store, progress: Progress) -> Results:
     for name in ALL_FILTERS:
         part = store.part(
             f'sequences-{name}',
-            f'{sizes} {make_filter(name).options}',
-            lambda name=name: _scores(name, settings, progress),  # type: ignore[misc]
+            f'{sizes} {filters[name].options}',
+            lambda name=name: _scores(filters[name], settings, progress),  # type: ignore[misc]
         )
         mixed[name] = Scores(**part)
     kinds = store.part(
@@ -157,9 +168,9 @@ def _unpacked(arrays: Arrays) -> Salted:
     )
 
 
-def _filtered(name: str, trials: list[Sequence], progress: Progress) -> Arrays:
-    with progress(f'fluctuating media: {name}', len(trials)) as tick:
-        errors, seconds = errors_on(name, trials, tick)
+def _filtered(smoother: Filter[Any], trials: list[Sequence], progress: Progress) -> Arrays:
+    with progress(f'fluctuating media: {smoother.name}', len(trials)) as tick:
+        errors, seconds = errors_on(smoother, trials, tick)
     return {'errors': errors, 'seconds': np.array(seconds)}
 
 
@@ -168,10 +179,10 @@ def _controls(trials: list[Sequence], progress: Progress) -> Arrays:
         return {'errors': errors_by_control(trials, tick)}
 
 
-def _scores(name: str, settings: Settings, progress: Progress) -> Arrays:
+def _scores(smoother: Filter[Any], settings: Settings, progress: Progress) -> Arrays:
     trials = _unseen(settings)
-    with progress(f'unseen sequences: {name}', len(trials)) as tick:
-        return dict(scores_on(name, trials, tick)._asdict())
+    with progress(f'unseen sequences: {smoother.name}', len(trials)) as tick:
+        return dict(scores_on(smoother, trials, tick)._asdict())
 
 
 def _unseen(settings: Settings) -> tuple[Sequence, ...]:

@@ -16,13 +16,18 @@ from binopos_ros.simulation.target import Disc
 _BASIN = 2.0 * math.pi * 1.5
 
 
-def write_calibration(scene: Scene, infos: tuple[CameraInfo, CameraInfo], bag: Path) -> None:
-    """Write the parameter file and the camera_info files into a bag's folder, or beside it."""
+def write_calibration(
+    scene: Scene, infos: tuple[CameraInfo, CameraInfo], bag: Path, more: str = ''
+) -> None:
+    """Write the parameter file and the camera_info files into a bag's folder, or beside it.
+
+    `more` are further blocks of the parameter file.
+    """
     single = bag.suffix == '.mcap'
     folder, prefix = (bag.parent, f'{bag.stem}.') if single else (bag, '')
     for side, info in zip(SIDES, infos, strict=True):
         write_camera_info(folder / f'{prefix}{side}.yaml', info)
-    (folder / f'{prefix}binopos.yaml').write_text(parameter_file(scene), encoding='utf-8')
+    (folder / f'{prefix}binopos.yaml').write_text(parameter_file(scene) + more, encoding='utf-8')
 
 
 def parameter_file(scene: Scene) -> str:

@@ -46,7 +46,9 @@ def test_every_table_is_whole(results: Results) -> None:
     for table in made.values():
         assert table.rows
         assert all(len(row) == len(table.header) for row in table.rows)
-        assert table.title in as_text(table)
+        text = as_text(table)
+        assert table.title in ' '.join(text.split())
+        assert max(map(len, text.splitlines())) <= 80
     assert sum(int(row[1]) for row in made['table_5'].rows) == SMALL.experiments
     for axis in range(1, 4):
         assert sum(int(row[axis]) for row in made['table_6'].rows) == SMALL.experiments
