@@ -1,7 +1,8 @@
 """The suite's messages, built and read without ROS.
 
-Built messages are of `rosbags`' classes and go to a `BagWriter`. What reads takes rclpy's messages
-as well: both have the same fields. Stamps are integer nanoseconds since the epoch.
+Built messages are of `rosbags`' classes and go to a `BagWriter`; what is written for every pair is
+packed in `results.py`. What reads takes rclpy's messages as well: both have the same fields.
+Stamps are integer nanoseconds since the epoch.
 """
 
 from __future__ import annotations
@@ -112,74 +113,6 @@ def camera_info(stamp_ns: int, frame_id: str, info: CameraInfo) -> Any:
     return _make(CAMERA_INFO, header=_header(stamp_ns, frame_id), **fields)
 
 
-def pose_with_covariance(
-    stamp_ns: int, frame_id: str, position: ArrayLike, covariance: ArrayLike
-) -> Any:
-    """A position (3,) with its covariance, (3, 3) or (6, 6); the orientation is the identity."""
-    return _make(
-        POSE_WITH_COVARIANCE,
-        header=_header(stamp_ns, frame_id),
-        pose=_make(
-            'geometry_msgs/msg/PoseWithCovariance',
-            pose=_pose(position),
-            covariance=_covariance(covariance),
-        ),
-    )
-
-
-def pose(stamp_ns: int, frame_id: str, position: ArrayLike) -> Any:
-    """A position (3,) in metres; the orientation is the identity."""
-    return _make(POSE, header=_header(stamp_ns, frame_id), pose=_pose(position))
-
-
-def vector3(stamp_ns: int, frame_id: str, vector: ArrayLike) -> Any:
-    """A vector (3,)."""
-    return _make(VECTOR3, header=_header(stamp_ns, frame_id), vector=_vector(vector))
-
-
-def odometry(
-    stamp_ns: int,
-    frame_id: str,
-    position: ArrayLike,
-    velocity: ArrayLike,
-    covariance: ArrayLike,
-    child_frame_id: str = 'target',
-) -> Any:
-    """Position (3,) m and velocity (3,) m/s with the covariance (6, 6) of both, in that order."""
-    joint = np.asarray(covariance, dtype=float)
-    return _make(
-        ODOMETRY,
-        header=_header(stamp_ns, frame_id),
-        child_frame_id=child_frame_id,
-        pose=_make(
-            'geometry_msgs/msg/PoseWithCovariance',
-            pose=_pose(position),
-            covariance=_covariance(joint[:3, :3]),
-        ),
-        twist=_make(
-            'geometry_msgs/msg/TwistWithCovariance',
-            twist=_make(
-                'geometry_msgs/msg/Twist', linear=_vector(velocity), angular=_vector((0, 0, 0))
-            ),
-            covariance=_covariance(joint[3:, 3:]),
-        ),
-    )
-
-
-def robot_odometry(
-    stamp_ns: int,
-    frames: tuple[str, str],
-    position: ArrayLike,
-    rotation: ArrayLike,
-    covariance: ArrayLike,
-) -> Any:
-    """A robot's pose: fixed and child frame, m, quaternion, covariance (6, 6) of both."""
-    message = odometry(stamp_ns, frames[0], position, (0, 0, 0), np.zeros((6, 6)), frames[1])
-    message.pose.pose.orientation = _quaternion(rotation)
-    message.pose.covariance = _covariance(covariance)
-    return message
-
-
 def status(name: str, subject: str, level: int, word: str, values: Mapping[str, str]) -> Any:
     """A word on something: who says it, of what, level 0 to 2, and what stands beside."""
     return _make(
@@ -261,17 +194,6 @@ def covariance_of(message: Any) -> NDArray[np.float64]:
     return np.asarray(message.pose.covariance, dtype=float).reshape(6, 6)
 
 
-def pose_covariance(covariance: ArrayLike) -> NDArray[np.float64]:
-    """Covariance (6, 6) of a pose from the (k, k) one of its first k coordinates.
-
-    Nothing is known of the angles: their variance is that of a uniform turn, pi^2 / 3 rad^2.
-    """
-    known = np.asarray(covariance, dtype=float)
-    full = np.diag([0.0, 0.0, 0.0, *[np.pi**2 / 3] * 3])
-    full[: len(known), : len(known)] = known
-    return full
-
-
 def _make(type_name: str, **fields: Any) -> Any:
     return jazzy().types[type_name](**fields)
 
@@ -282,15 +204,6 @@ def _header(stamp_ns: int, frame_id: str) -> Any:
     return _make('std_msgs/msg/Header', stamp=stamp, frame_id=frame_id)
 
 
-def _pose(position: ArrayLike) -> Any:
-    x, y, z = np.asarray(position, dtype=float)
-    return _make(
-        'geometry_msgs/msg/Pose',
-        position=_make('geometry_msgs/msg/Point', x=x, y=y, z=z),
-        orientation=_quaternion((0.0, 0.0, 0.0, 1.0)),
-    )
-
-
 def _quaternion(rotation: ArrayLike) -> Any:
     x, y, z, w = (float(value) for value in np.asarray(rotation, dtype=float))
     return _make('geometry_msgs/msg/Quaternion', x=x, y=y, z=z, w=w)
@@ -299,14 +212,3 @@ def _quaternion(rotation: ArrayLike) -> Any:
 def _vector(vector: ArrayLike) -> Any:
     x, y, z = np.asarray(vector, dtype=float)
     return _make('geometry_msgs/msg/Vector3', x=x, y=y, z=z)
-
-
-def _covariance(covariance: ArrayLike) -> NDArray[np.float64]:
-    """(3, 3) or (6, 6) as the 36 numbers of a message; what is not given is zero."""
-    given = np.asarray(covariance, dtype=float)
-    if given.shape not in ((3, 3), (6, 6)):
-        message = f'covariance must be 3x3 or 6x6, not {given.shape}'
-        raise BagError(message)
-    full = np.zeros((6, 6))
-    full[: len(given), : len(given)] = given
-    return full.ravel()

@@ -9,6 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from binopos_ros.bag import BagWriter, messages
+from binopos_ros.bag.results import (
+    odometry,
+    pose,
+    pose_covariance,
+    pose_with_covariance,
+    vector3,
+)
 from binopos_ros.pipeline import Event, Judged, Located, Seen
 from binopos_ros.smoothing.health import LEVELS
 from binopos_ros.triangulation.stage import Position
@@ -54,8 +61,7 @@ class Output:
         if isinstance(event, Seen):
             centroid = event.centroid
             place = (*centroid.centre, centroid.diameter)
-            covariance = messages.pose_covariance(centroid.covariance)
-            self._pose(f'{event.side}/centroid', centroid, place, covariance)
+            self._pose(f'{event.side}/centroid', centroid, place, centroid.covariance)
         elif isinstance(event, Located):
             self._located(event)
         elif isinstance(event, Judged):
@@ -67,33 +73,30 @@ class Output:
 
     def _located(self, event: Located) -> None:
         position = event.position
-        covariance = messages.pose_covariance(position.covariance)
         for name, part in (('systematic', position.systematic), ('medium', position.medium)):
             if part is not None:
                 self._part(f'target/{name}', position, part)
-        self._pose('target/position', position, position.point, covariance)
+        self._pose('target/position', position, position.point, position.covariance)
         index = (position.index.mean, position.index.std, float(position.index.observed))
-        vector = messages.vector3(position.stamp, position.frame_id, index)
+        vector = vector3(position.stamp, position.frame_id, index)
         self._write('target/refractive_index', position.stamp, vector)
         if event.pose is None:
             return
         state = event.pose.state
-        covariance = messages.pose_covariance(state.covariance[:3, :3])
-        pose = messages.pose_with_covariance(
-            position.stamp, event.frame_id, state.position, covariance
-        )
-        self._write('target/pose', position.stamp, pose)
-        plain = messages.pose(position.stamp, event.frame_id, state.position)
+        covariance = pose_covariance(state.covariance[:3, :3])
+        filtered = pose_with_covariance(position.stamp, event.frame_id, state.position, covariance)
+        self._write('target/pose', position.stamp, filtered)
+        plain = pose(position.stamp, event.frame_id, state.position)
         self._write('target/pose_stamped', position.stamp, plain)
-        odometry = messages.odometry(
+        moving = odometry(
             position.stamp,
-            event.frame_id,
+            (event.frame_id, self._child_frame),
             state.position,
+            covariance,
             state.velocity,
-            state.covariance,
-            self._child_frame,
+            pose_covariance(state.covariance[3:, 3:]),
         )
-        self._write('target/odometry', position.stamp, odometry)
+        self._write('target/odometry', position.stamp, moving)
 
     def _part(self, topic: str, position: Position, part: NDArray[np.float64]) -> None:
         """Write a part of a position's covariance, on a topic that is there if parts are."""
@@ -101,11 +104,13 @@ class Output:
             self._parts.add(topic)
             full_name = f'{self._namespace}/{topic}'
             self._writer.add_topic(full_name, messages.POSE_WITH_COVARIANCE)
-        self._pose(topic, position, position.point, messages.pose_covariance(part))
+        self._pose(topic, position, position.point, part)
 
-    def _pose(self, topic: str, source: Any, place: Any, covariance: NDArray[np.float64]) -> None:
-        message = messages.pose_with_covariance(source.stamp, source.frame_id, place, covariance)
-        self._write(topic, source.stamp, message)
+    def _pose(self, topic: str, source: Any, place: Any, known: NDArray[np.float64]) -> None:
+        """Write a place with the covariance (k, k) of its first k coordinates."""
+        full = pose_covariance(known)
+        data = pose_with_covariance(source.stamp, source.frame_id, place, full)
+        self._write(topic, source.stamp, data)
 
     def _write(self, topic: str, stamp: int, message: Any) -> None:
         self._writer.write(f'{self._namespace}/{topic}', stamp, message)

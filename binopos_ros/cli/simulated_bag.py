@@ -12,6 +12,7 @@ import yaml
 from numpy.typing import NDArray
 
 from binopos_ros.bag import BagWriter, messages
+from binopos_ros.bag.results import pose_with_covariance
 from binopos_ros.cli.simulated_platform import SimulatedPlatform
 from binopos_ros.optics import CameraInfo
 from binopos_ros.optics.rig_files import camera_infos_from_stereo
@@ -102,11 +103,9 @@ def record(
                 writer.write(f'{NAMESPACE}/{side}/camera_info', stamp, calibration)
                 picture = _picture_message(scene, stamp, frame, data, info)
                 writer.write(f'{NAMESPACE}/{side}/{picture_topic}', stamp, picture)
-            pose = messages.pose_with_covariance(
-                stamp, FRAMES[0], positions[number], np.zeros((3, 3))
+            pose = pose_with_covariance(
+                stamp, FRAMES[0], positions[number], np.zeros((3, 3)), quaternions[number]
             )
-            orientation = pose.pose.pose.orientation
-            orientation.x, orientation.y, orientation.z, orientation.w = quaternions[number]
             writer.write(f'{NAMESPACE}/truth/pose', stamp, pose)
             on_pair()
         if robot is not None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.bag import BagWriter, messages
 from binopos_ros.bag.qos import Qos
+from binopos_ros.bag.results import odometry, pose_with_covariance
 from binopos_ros.platform.quaternions import quaternion_of
 from binopos_ros.simulation.rig_motion import (
     FIXED_FRAME,
@@ -87,13 +88,15 @@ class SimulatedPlatform:
         while self._next is not None and (stamp is None or self._next[0] <= stamp):
             tick, (place, turn) = self._next
             frames = (FIXED_FRAME, ROBOT_FRAME)
-            odometry = messages.robot_odometry(tick, frames, place, turn, self._covariance)
-            self._writer.write(self._odometry, tick, odometry)
+            told = odometry(
+                tick, frames, place, self._covariance, np.zeros(3), np.zeros((3, 3)), turn
+            )
+            self._writer.write(self._odometry, tick, told)
             self._writer.write(TF, tick, messages.transforms(tick, (*frames, place, turn)))
             self._next = next(self._samples, None)
 
     def write_truth(self, number: int, stamp: int) -> None:
         """Write where the target is in the fixed frame in a pair."""
         place = self._fixed[number]
-        truth = messages.pose_with_covariance(stamp, FIXED_FRAME, place, np.zeros((3, 3)))
+        truth = pose_with_covariance(stamp, FIXED_FRAME, place, np.zeros((3, 3)))
         self._writer.write(self._truth, stamp, truth)

@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from numpy.typing import ArrayLike, NDArray
 from std_msgs.msg import Header
 
-from binopos_ros.bag.messages import pose_covariance
+from binopos_ros.bag.results import pose_covariance
 
 
 def header(stamp: int, frame_id: str) -> Header:

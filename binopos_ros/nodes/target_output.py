@@ -9,7 +9,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from visualization_msgs.msg import MarkerArray
 
-from binopos_ros.bag.messages import pose_covariance
+from binopos_ros.bag.results import pose_covariance
 from binopos_ros.nodes import messages
 from binopos_ros.nodes.markers import no_markers, target_markers
 from binopos_ros.nodes.shell import LOOK_PERIOD, StageNode

@@ -21,6 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 from binopos_ros.bag import BagError, BagReader, BagWriter, messages
 from binopos_ros.bag.definitions import Definition
 from binopos_ros.bag.qos import Qos
+from binopos_ros.bag.results import pose_with_covariance, vector3
 from stored import read
 
 MakeBag = Callable[..., Path]
@@ -73,12 +74,13 @@ def test_rosbags_reads_a_split_bag_and_its_messages(tmp_path: Path, compression:
     path = tmp_path / 'bag'
     offered = Qos('best_effort', 'volatile', depth=5)
     with BagWriter(path, split_bytes=3000, chunk_bytes=500, compression=compression) as writer:
-        writer.add_topic('/a', messages.POSE, qos=(offered,))
+        writer.add_topic('/a', messages.POSE_WITH_COVARIANCE, qos=(offered,))
         writer.add_topic('/b', messages.VECTOR3)
         for number in range(100):
             stamp = 10**18 + number
-            writer.write('/a', stamp, messages.pose(stamp, 'rig', (number, 0, 0)))
-            writer.write('/b', stamp, messages.vector3(stamp, 'rig', (0, number, 0)))
+            place = (number, 0, 0)
+            writer.write('/a', stamp, pose_with_covariance(stamp, 'rig', place, np.eye(3)))
+            writer.write('/b', stamp, vector3(stamp, 'rig', (0, number, 0)))
     store = get_typestore(Stores.ROS2_JAZZY)
     with RosbagsReader(path) as reader:
         assert reader.message_count == 200
@@ -95,9 +97,9 @@ def test_rosbags_reads_a_split_bag_and_its_messages(tmp_path: Path, compression:
             store.deserialize_cdr(data, connection.msgtype)
             for connection, _, data in reader.messages()
         ]
-    assert sorted(pose.pose.position.x for pose in found if hasattr(pose, 'pose')) == list(
-        range(100)
-    )
+    assert sorted(
+        message.pose.pose.position.x for message in found if hasattr(message, 'pose')
+    ) == list(range(100))
     assert len(list(path.glob('*.mcap'))) > 3
 
 
@@ -208,7 +210,7 @@ def test_a_crash_safe_bag_is_whole_after_every_flush(tmp_path: Path) -> None:
     for number in range(1, 30):
         writer.write('/a', number, bytes([number]))
         if number == 7:
-            writer.add_topic('/late', messages.POSE)
+            writer.add_topic('/late', messages.POSE_WITH_COVARIANCE)
         writer.flush()
         expected = [(stamp, '/a', bytes([stamp])) for stamp in range(1, number + 1)]
         assert read_with_mcap(file, seeking=True) == expected

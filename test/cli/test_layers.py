@@ -6,6 +6,7 @@ import dataclasses
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -126,3 +127,18 @@ def test_the_dumped_parameters_of_a_node_can_be_used_again(process, bag, tmp_pat
     config = tmp_path / 'dump.yaml'
     config.write_text(yaml.safe_dump({'/stereo/triangulator': {'ros__parameters': values}}))
     assert raw_error_mm(process(bag, '--config', config)) < 1.0
+
+
+def test_odometry_says_no_more_than_the_pose_and_bears_the_targets_name(bag, process, tmp_path):
+    done = process(bag, '--ros-args', '-p', 'smoother:child_frame:=buoy')
+    assert done.returncode == 0, done.stderr
+    with BagReader(tmp_path / 'out.mcap') as reader:
+        poses = list(map(reader.decode, reader.messages(['/stereo/target/pose'])))
+        motions = list(map(reader.decode, reader.messages(['/stereo/target/odometry'])))
+    assert len(poses) == len(motions) == PAIRS
+    for pose, motion in zip(poses, motions, strict=True):
+        assert motion.child_frame_id == 'buoy'
+        assert motion.pose.covariance.tolist() == pose.pose.covariance.tolist()
+        # Of the angles nothing is known, so none of their variances is small.
+        for covariance in (motion.pose.covariance, motion.twist.covariance):
+            assert np.diag(covariance.reshape(6, 6))[3:].min() > 3
