@@ -8,9 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from binopos_ros.arrivals import ArrivalOptions
-from binopos_ros.bag.playback import PlayerOptions
-from binopos_ros.bag.recording import RecorderOptions
-from binopos_ros.capture.options import CaptureOptions
 from binopos_ros.detection import DetectorOptions
 from binopos_ros.parameter_files import Entry, RosArguments, read_blocks
 from binopos_ros.parameters import (
@@ -24,23 +21,18 @@ from binopos_ros.parameters import (
 from binopos_ros.platform import FixedFrameOptions
 from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 from binopos_ros.triangulation.options import TriangulatorOptions
-from binopos_ros.view.options import ViewerOptions
 
 NAMESPACE = '/stereo'
-#: Node -> the options of its stage; beside its own, the smoother takes those of the moving robot
-#: and of its filter.
-OPTIONS: Mapping[str, type | None] = {
-    'camera': CaptureOptions,
-    'detector': DetectorOptions,
-    'triangulator': TriangulatorOptions,
-    'smoother': SmootherOptions,
-    'player': PlayerOptions,
-    'recorder': RecorderOptions,
-    'viewer': ViewerOptions,
-    'calibrator': None,
-}
-#: Node -> what it declares beside those, for its own part.
-MORE_OPTIONS: Mapping[str, type] = {'detector': ArrivalOptions}
+NODES = (
+    'camera',
+    'detector',
+    'triangulator',
+    'smoother',
+    'player',
+    'recorder',
+    'viewer',
+    'calibrator',
+)
 #: What ROS itself declares for every node, with its type.
 OF_ROS: Mapping[str, type] = {'use_sim_time': bool, 'start_type_description_service': bool}
 QOS_OVERRIDES = 'qos_overrides.'
@@ -132,7 +124,7 @@ class Parameters:
         """Blocks that hold for nothing and look as if they were meant for a node of the suite."""
         told = []
         for block in self._blocks:
-            known = block.node in OPTIONS or block.node in self._renamed()
+            known = block.node in NODES or block.node in self._renamed()
             if known and block.key.count('/') == 1 and not self._namespace_is_root():
                 told.append(
                     f'{block.place}: {block.key} is a node without a namespace, and holds for '
@@ -149,7 +141,7 @@ class Parameters:
         return self._words.full_name('', self._namespace).strip('/') == ''
 
     def _renamed(self) -> set[str]:
-        names = (self._words.full_name(name, self._namespace) for name in OPTIONS)
+        names = (self._words.full_name(name, self._namespace) for name in NODES)
         return {name.rpartition('/')[2] for name in names}
 
     def _refuse_strangers(self) -> None:
@@ -158,13 +150,13 @@ class Parameters:
             if not block.typed:
                 continue
             if block.is_wild:
-                every = [key for name in OPTIONS for key in _every_spec(name)]
+                every = [key for name in NODES for key in _every_spec(name)]
                 for key, entry in block.entries.items():
                     if not _is_of_ros(key) and CONTROLS not in key:
                         _at(entry, refuse_unknown, [key], every)
-            elif block.node not in OPTIONS and block.node not in self._renamed():
+            elif block.node not in NODES and block.node not in self._renamed():
                 near = _near(block.node)
-                hint = f'did you mean {near!r}?' if near else f'its nodes: {", ".join(OPTIONS)}'
+                hint = f'did you mean {near!r}?' if near else f'its nodes: {", ".join(NODES)}'
                 msg = f'{block.place}: the suite has no node {block.node!r}: {hint}'
                 raise ParameterError(msg)
 
@@ -194,13 +186,33 @@ def _through_surface(triangulator: Mapping[str, Any]) -> bool:
 
 
 def options_types(name: str, method: str | None = None) -> list[type]:
-    """The options that a node declares; the smoother's are in three parts."""
-    own = OPTIONS[name]
-    if own is None:
-        return []
-    if name != 'smoother':
-        return [own, *([MORE_OPTIONS[name]] if name in MORE_OPTIONS else [])]
-    return [own, FixedFrameOptions, filter_options_type(method or specs_of(own)['method'].default)]
+    """The options that a node declares; the smoother's are its own, the robot's, its filter's."""
+    match name:
+        case 'detector':
+            return [DetectorOptions, ArrivalOptions]
+        case 'triangulator':
+            return [TriangulatorOptions]
+        case 'smoother':
+            chosen = method or SmootherOptions().method
+            return [SmootherOptions, FixedFrameOptions, filter_options_type(chosen)]
+        # Offline verbs do without these, and need not wait for their import.
+        case 'camera':
+            from binopos_ros.capture.options import CaptureOptions
+
+            return [CaptureOptions]
+        case 'player':
+            from binopos_ros.bag.playback import PlayerOptions
+
+            return [PlayerOptions]
+        case 'recorder':
+            from binopos_ros.bag.recording import RecorderOptions
+
+            return [RecorderOptions]
+        case 'viewer':
+            from binopos_ros.view.options import ViewerOptions
+
+            return [ViewerOptions]
+    return []
 
 
 def _specs(name: str, method: Entry) -> dict[str, ParameterSpec]:
@@ -230,7 +242,7 @@ def _is_of_ros(key: str) -> bool:
 
 
 def _near(node: str) -> str:
-    near = difflib.get_close_matches(node, OPTIONS, n=1, cutoff=ALIKE)
+    near = difflib.get_close_matches(node, NODES, n=1, cutoff=ALIKE)
     return near[0] if near else ''
 
 

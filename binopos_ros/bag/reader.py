@@ -19,7 +19,6 @@ from binopos_ros.bag.errors import BagError
 from binopos_ros.bag.layout import Files, find_files
 from binopos_ros.bag.mcap_storage import McapStorage
 from binopos_ros.bag.records import Record, Storage
-from binopos_ros.bag.ros1 import Ros1Storage
 
 _log = logging.getLogger('binopos.bag')
 
@@ -129,11 +128,13 @@ class BagReader:
             self._warn(f'{problem}; this part of the bag is left out')
         suffix = next(iter(paths.values())).suffix
         if suffix == '.db3':
-            # Rare, and not every Python has SQLite.
+            # Not every Python has SQLite.
             from binopos_ros.bag.sqlite import SqliteStorage
 
             return SqliteStorage(paths.values(), paths)
         if suffix == '.bag':
+            from binopos_ros.bag.ros1 import Ros1Storage
+
             return Ros1Storage(paths)
         return McapStorage(paths.values(), paths, self._warn)
 

@@ -24,7 +24,6 @@ from binopos_ros.cli.config import (
     parameters_of,
     told_sources,
 )
-from binopos_ros.cli.dives import process_all
 from binopos_ros.cli.output import Output, Table
 from binopos_ros.cli.outputs import add_force_argument, written
 from binopos_ros.cli.progress import progress
@@ -108,6 +107,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     if arguments.jobs or len(arguments.bags) > 1:
+        # Processes of its own need a good deal of the library.
+        from binopos_ros.cli.dives import process_all
+
         return process_all(process_one, arguments)
     (arguments.bag,) = arguments.bags
     report = process_one(arguments)

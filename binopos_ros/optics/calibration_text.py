@@ -9,11 +9,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING, Any
 
 from binopos_ros import plain_yaml
 from binopos_ros.optics.errors import OpticsError
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 PathLike = str | os.PathLike[str]
 #: Matrices of FileStorage, and what it says before each document.
@@ -98,6 +100,9 @@ def _of_yaml(text: str, path: PathLike) -> Any:
 
 
 def _of_xml(text: str, path: PathLike) -> dict[str, Any]:
+    # Few calibrations are XML.
+    from xml.etree import ElementTree
+
     if len(text) > plain_yaml.LONGEST or '<!ENTITY' in text:
         msg = f'{path} is no calibration file: it is too long, or defines entities'
         raise OpticsError(msg)
@@ -115,7 +120,7 @@ def _of_xml(text: str, path: PathLike) -> dict[str, Any]:
     return {each.tag: _value(each) for each in root}
 
 
-def _value(element: ElementTree.Element) -> Any:
+def _value(element: Element) -> Any:
     """An element's text, its words where there are several, or a mapping of what is in it."""
     if len(element):
         return {each.tag: _value(each) for each in element}

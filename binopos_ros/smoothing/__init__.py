@@ -8,8 +8,6 @@ from binopos_ros.smoothing.base import Filter
 from binopos_ros.smoothing.cloud_kalman import CloudKalmanFilter
 from binopos_ros.smoothing.errors import SmoothingError
 from binopos_ros.smoothing.factory import FILTERS, make_filter
-from binopos_ros.smoothing.kalman import KalmanFilter
-from binopos_ros.smoothing.paper import PaperCloudKalmanFilter
 from binopos_ros.smoothing.state import FilterState
 
 __all__ = [
@@ -17,8 +15,6 @@ __all__ = [
     'CloudKalmanFilter',
     'Filter',
     'FilterState',
-    'KalmanFilter',
-    'PaperCloudKalmanFilter',
     'SmoothingError',
     'make_filter',
 ]

@@ -2,43 +2,50 @@
 
 from __future__ import annotations
 
-from typing import Any
+import importlib
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
-from binopos_ros.smoothing.base import Filter
-from binopos_ros.smoothing.cloud_kalman import CloudKalmanFilter
 from binopos_ros.smoothing.errors import SmoothingError
-from binopos_ros.smoothing.kalman import KalmanFilter
-from binopos_ros.smoothing.opponents.bp_kalman import BackPropagationKalmanFilter
-from binopos_ros.smoothing.opponents.coloured import ColouredNoiseFilter
-from binopos_ros.smoothing.opponents.huber import HuberKalmanFilter
-from binopos_ros.smoothing.opponents.median import MovingMedian
-from binopos_ros.smoothing.opponents.multiple_models import MultipleModelsFilter
-from binopos_ros.smoothing.opponents.random_walk import RandomWalkKalmanFilter
-from binopos_ros.smoothing.opponents.sage_husa import SageHusaFilter
-from binopos_ros.smoothing.opponents.student_t import StudentTFilter
-from binopos_ros.smoothing.opponents.variational_bayes import VariationalBayesFilter
-from binopos_ros.smoothing.paper import PaperCloudKalmanFilter
-from binopos_ros.smoothing.unfiltered import NoFilter
+
+if TYPE_CHECKING:
+    from binopos_ros.smoothing.base import Filter
+
+#: Module and class of every filter. Only those that are asked for are imported: a run needs one.
+_PLACES = {
+    'cloud-kalman': ('cloud_kalman', 'CloudKalmanFilter'),
+    'cloud-kalman-paper': ('paper', 'PaperCloudKalmanFilter'),
+    'kalman': ('kalman', 'KalmanFilter'),
+    'none': ('unfiltered', 'NoFilter'),
+    'kalman-random-walk': ('opponents.random_walk', 'RandomWalkKalmanFilter'),
+    'sage-husa': ('opponents.sage_husa', 'SageHusaFilter'),
+    'bp-kalman': ('opponents.bp_kalman', 'BackPropagationKalmanFilter'),
+    'huber': ('opponents.huber', 'HuberKalmanFilter'),
+    'student-t': ('opponents.student_t', 'StudentTFilter'),
+    'variational-bayes': ('opponents.variational_bayes', 'VariationalBayesFilter'),
+    'imm': ('opponents.multiple_models', 'MultipleModelsFilter'),
+    'coloured-noise': ('opponents.coloured', 'ColouredNoiseFilter'),
+    'median': ('opponents.median', 'MovingMedian'),
+}
+
+
+class _Filters(Mapping[str, 'type[Filter[Any]]']):
+    def __getitem__(self, name: str) -> type[Filter[Any]]:
+        module, cls = _PLACES[name]
+        found: type[Filter[Any]] = getattr(
+            importlib.import_module(f'binopos_ros.smoothing.{module}'), cls
+        )
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_PLACES)
+
+    def __len__(self) -> int:
+        return len(_PLACES)
+
 
 #: Every filter class by its name.
-FILTERS: dict[str, type[Filter[Any]]] = {
-    cls.name: cls
-    for cls in (
-        CloudKalmanFilter,
-        PaperCloudKalmanFilter,
-        KalmanFilter,
-        NoFilter,
-        RandomWalkKalmanFilter,
-        SageHusaFilter,
-        BackPropagationKalmanFilter,
-        HuberKalmanFilter,
-        StudentTFilter,
-        VariationalBayesFilter,
-        MultipleModelsFilter,
-        ColouredNoiseFilter,
-        MovingMedian,
-    )
-}
+FILTERS: Mapping[str, type[Filter[Any]]] = _Filters()
 
 
 def make_filter(name: str = 'cloud-kalman', **options: Any) -> Filter[Any]:
