@@ -11,15 +11,15 @@ import math
 
 import numpy as np
 
-from binopos_ros.optics.disc import RIM_POINTS, Array, Project, centroid
+from binopos_ros.optics.disc import RIM_POINTS, Array, Outline, Project, centroid, longest_diameter
 from binopos_ros.optics.errors import OpticsError
 
 TOUCHES = 4
 """Times that the touching points are put right; each gains the ratio of diameter to distance."""
 
 
-def ball_outline_offsets(project: Project, position: Array, diameter: float) -> list[Array]:
-    """Give, for each camera, the outline's centre less the image of the ball's centre, (2,) px.
+def ball_outlines(project: Project, position: Array, diameter: float) -> list[Outline]:
+    """Give, for each camera, the outline of a ball.
 
     position (3,) m is the ball's centre, diameter in m. Raises OpticsError where the ball is
     not seen whole.
@@ -38,14 +38,15 @@ def ball_outline_offsets(project: Project, position: Array, diameter: float) -> 
         sights.append(along / np.linalg.norm(along, axis=1, keepdims=True))
     rims = [_touching(each, radius) for each in sights]
     points = np.concatenate([position[None], *(position + rim for rim in rims)])
-    offsets = []
+    found = []
     for k, image in enumerate(project(points)):
         rim = image[1 + k * len(rims[k]) : 1 + (k + 1) * len(rims[k])]
         if not math.isfinite(rim.sum() + image[0].sum()):
             msg = f'the ball at {np.round(position, 3).tolist()} m is not seen whole'
             raise OpticsError(msg)
-        offsets.append(centroid(rim) - image[0])
-    return offsets
+        offset = centroid(rim) - image[0]
+        found.append(Outline(offset, longest_diameter(rim[:-1] - image[0])))
+    return found
 
 
 def _touching(sights: Array, radius: float) -> Array:

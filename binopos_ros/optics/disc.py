@@ -15,7 +15,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,38 +33,54 @@ CURVE_POINTS = 8
 """Points of a rim whose image is taken for a sum of waves: none of a quadratic map is left out."""
 
 
-def to_disc_centres(
-    project: Project,
-    outline_centres: Sequence[Array],
-    position: Array,
-    normal: Array,
-    diameter: float,
-) -> list[Array]:
-    """Shift outlines' centres, (2,) px for each camera, to the images of the disc's centre.
+class Outline(NamedTuple):
+    """How a round target shows in an image.
+
+    Attributes:
+        offset: the outline's centre less the image of the target's centre, (2,) px.
+        across: the outline's longest diameter, px.
+    """
+
+    offset: Array
+    across: float
+
+
+def disc_outlines(
+    project: Project, position: Array, normal: Array, diameter: float
+) -> list[Outline]:
+    """Give, for each camera, the outline of a disc.
 
     position (3,) m is where the rays of the outlines' centres meet, normal (3,) the disc's,
     diameter in m. Raises OpticsError where the disc is not seen whole from there.
     """
-    offsets = outline_offsets(project, position, normal, diameter)
-    return [
-        np.asarray(centre, float) - offset
-        for centre, offset in zip(outline_centres, offsets, strict=True)
-    ]
-
-
-def outline_offsets(
-    project: Project, position: Array, normal: Array, diameter: float
-) -> list[Array]:
-    """Give, for each camera, the outline's centre less the image of the disc's centre, (2,) px."""
     position = np.asarray(position, float)
     rim = position + diameter * unit_circle(tuple(np.asarray(normal, float).tolist()))
-    offsets = []
+    found = []
     for image in project(np.concatenate([rim, position[None]])):
         if not math.isfinite(image.sum()):
             msg = f'the disc at {np.round(position, 3).tolist()} m is not seen whole'
             raise OpticsError(msg)
-        offsets.append(centroid_within(image[:-1] - image[-1]))
-    return offsets
+        curve = image[:-1] - image[-1]
+        found.append(Outline(centroid_within(curve), longest_diameter(curve)))
+    return found
+
+
+def longest_diameter(curve: Array) -> float:
+    """The longest diameter of an ellipse, by points at equal steps of its circle (N, 2).
+
+    What makes a curve differ from an ellipse is of other frequencies, and leaves this unmoved.
+    """
+    (a, b), (c, d) = (_first_wave(len(curve)) @ curve).tolist()
+    # The largest singular value of the map that makes the ellipse of a circle.
+    uu, uv, vv = a * a + c * c, a * b + c * d, b * b + d * d
+    return math.sqrt((uu + vv) / 2 + math.hypot((uu - vv) / 2, uv))
+
+
+@functools.lru_cache(maxsize=4)
+def _first_wave(count: int) -> Array:
+    """Matrix (2, N) that gives, of values at equal steps, twice their first cosine and sine."""
+    angles = np.arange(count) * (2 * math.pi / count)
+    return np.array([np.cos(angles), np.sin(angles)]) * (4 / count)
 
 
 def unit_vector(vector: Array) -> Array:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from binopos_ros.optics import OpticsError, StereoRig
 from binopos_ros.optics.arithmetic import FLOATS, NoRayError
-from binopos_ros.optics.ball import ball_outline_offsets
-from binopos_ros.optics.disc import to_disc_centres
+from binopos_ros.optics.ball import ball_outlines
+from binopos_ros.optics.disc import Outline, disc_outlines
 from binopos_ros.triangulation.considered import changed_rigs, principal_errors
 from binopos_ros.triangulation.evidence import gather_evidence
 from binopos_ros.triangulation.extent import other_size
@@ -114,14 +114,17 @@ class Locator:
         Returns:
             The place, or why there is none.
         """
+        outlines: list[Outline] = []
         if self._options.target.diameter > 0:
             try:
-                views = self._centred(views)
+                outlines = self._outlines(views)
             except NoRayError as no_ray:
                 return str(no_ray)
             except OpticsError as error:
                 # Where the pair itself meets nowhere, that is the reason.
                 return str(triangulate(self.rig, *views).reasons or error)
+            left, right = outlines
+            views = (views[0] - left.offset, views[1] - right.offset, views[2], views[3])
         if self._estimator:
             found = self._followed(stamp, views)
         else:
@@ -131,9 +134,9 @@ class Locator:
         place, residuals = found
         if 0 < self._options.epipolar_gate < np.abs(residuals).max():
             return DIFFERENT_POINTS
-        target = self._options.target.diameter
-        if target > 0 and any(diameters):
-            reason = other_size(self.rig.project, place.point, target, diameters)
+        if outlines:
+            expected = [each.across for each in outlines]
+            reason = other_size(expected, diameters, self._options.target.diameter)
             if reason:
                 return reason
         if self._meter is None:
@@ -178,12 +181,12 @@ class Locator:
         systematic = state.covariance - state.noise
         return Place(state.point, state.noise, None, systematic, index), state.residuals
 
-    def _centred(self, views: Views) -> Views:
-        """The images of the target's centre instead of the outlines' centres.
+    def _outlines(self, views: Views) -> list[Outline]:
+        """What a target of the known diameter shows where the rays of the views all but meet.
 
         Raises:
             NoRayError: a pixel has no ray, or the rays do not meet.
-            OpticsError: the target is not seen whole from where they meet.
+            OpticsError: the target is not seen whole from there.
         """
         (u, v), (right_u, right_v) = views[0].tolist(), views[1].tolist()
         rays = (
@@ -193,10 +196,8 @@ class Locator:
         near = np.array(midpoint(*rays, FLOATS)[0])
         target = self._options.target
         if target.shape == 'ball':
-            offsets = ball_outline_offsets(self.rig.project, near, target.diameter)
-            return views[0] - offsets[0], views[1] - offsets[1], views[2], views[3]
+            return ball_outlines(self.rig.project, near, target.diameter)
         nearest = self.rig.interface or self.rig.left_port
         flat = nearest.axis if nearest is not None else np.array([0.0, 0.0, 1.0])
         normal = np.array(target.normal) if target.normal else flat
-        left, right = to_disc_centres(self.rig.project, views[:2], near, normal, target.diameter)
-        return left, right, views[2], views[3]
+        return disc_outlines(self.rig.project, near, normal, target.diameter)

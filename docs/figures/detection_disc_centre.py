@@ -16,7 +16,7 @@ import numpy as np
 import rendered
 from binopos_ros.detection import detect
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
-from binopos_ros.optics.disc import to_disc_centres
+from binopos_ros.optics.disc import disc_outlines
 
 TILTS = (0, 20, 40, 50, 60)
 SCENES = 10
@@ -40,15 +40,14 @@ def offsets(diameter: int, tilt: float, rng: np.random.Generator) -> tuple[float
         camera = PinholeCamera(matrix, (), (size, size))
         surface = FlatInterface(view.normal, view.depth, (1.0, view.index))
         rig = StereoRig(camera, camera, np.eye(3), (-0.23, 0, 0), surface)
-        (corrected,) = to_disc_centres(
+        (outline,) = disc_outlines(
             lambda points, rig=rig: rig.project(points)[:1],
-            [target.centre],
             np.add(disc.centre, (0.001, -0.001, 0.003)),
             np.array(disc.normal),
             disc.diameter,
         )
         before.append(np.linalg.norm(target.centre - scene.disc_centre))
-        after.append(np.linalg.norm(corrected - scene.disc_centre))
+        after.append(np.linalg.norm(target.centre - outline.offset - scene.disc_centre))
     return float(np.mean(before)), float(np.mean(after))
 
 

@@ -16,7 +16,7 @@ from binopos_ros.detection import (
     estimate_normal,
 )
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
-from binopos_ros.optics.disc import to_disc_centres
+from binopos_ros.optics.disc import disc_outlines
 
 
 class Trial(NamedTuple):
@@ -242,16 +242,15 @@ def test_disc_centre_correction_at_60_degrees_and_40_px(rendered):
         if target is None:  # Seen nearly edge-on from this side.
             continue
         rig = rig_of(view)
-        (corrected,) = to_disc_centres(
+        (outline,) = disc_outlines(
             lambda points, rig=rig: rig.project(points)[:1],
-            [target.centre],
             # As far off as a first triangulation from outlines may be.
             np.add(disc.centre, (0.001, -0.001, 0.003)),
             np.array(disc.normal),
             disc.diameter,
         )
         before.append(np.linalg.norm(target.centre - scene.disc_centre))
-        after.append(np.linalg.norm(corrected - scene.disc_centre))
+        after.append(np.linalg.norm(target.centre - outline.offset - scene.disc_centre))
     assert len(after) >= 6
     assert np.mean(before) > 0.1
     assert np.mean(after) < 0.03

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
-from binopos_ros.optics.disc import centroid, outline_offsets
+from binopos_ros.optics.disc import centroid, disc_outlines
 
 
 @pytest.fixture(scope='module')
@@ -18,7 +18,7 @@ def rig() -> StereoRig:
 
 
 @pytest.mark.parametrize(('diameter', 'within'), [(0.03, 1e-5), (0.1, 1e-4), (0.2, 2e-3)])
-def test_the_offset_of_a_disc_is_that_of_its_whole_outline(rig, diameter, within):
+def test_the_outline_of_a_disc_is_that_of_many_points(rig, diameter, within):
     angles = np.linspace(0, 2 * np.pi, 2001)
     rng = np.random.default_rng(4)
     for _ in range(40):
@@ -30,9 +30,11 @@ def test_the_offset_of_a_disc_is_that_of_its_whole_outline(rig, diameter, within
         rim = np.column_stack([np.cos(angles), np.sin(angles)]) @ across * diameter / 2
         images = rig.project(place + rim)
         centres = rig.project(place)
-        offsets = outline_offsets(rig.project, place, normal, diameter)
-        for image, centre, offset in zip(images, centres, offsets, strict=True):
-            assert np.abs(centroid(image) - centre - offset).max() < within
+        outlines = disc_outlines(rig.project, place, normal, diameter)
+        for image, centre, outline in zip(images, centres, outlines, strict=True):
+            assert np.abs(centroid(image) - centre - outline.offset).max() < within
+            longest = np.linalg.norm(image[:1000] - image[1000:2000], axis=1).max()
+            assert outline.across == pytest.approx(longest, rel=diameter**2)
 
 
 def test_few_points_are_projected_to_the_digits_of_many(rig):
