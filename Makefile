@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 JOBS ?= 2
 DEMO_BAG ?= bags/demo
 
-.PHONY: demo test check bench lab soak clean
+.PHONY: docs demo test check bench lab soak clean
 
 demo: $(VENV)/ready
 	$(BIN)/binopos replay $(DEMO_BAG)
@@ -43,6 +43,15 @@ $(VENV)/ready: requirements.txt requirements-test.txt setup.py
 	$(BIN)/pip install --quiet -r requirements-test.txt
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	$(BIN)/python -m compileall -q binopos_ros
+	touch $@
+
+# The site in build/docs/index.html; nothing is fetched while it is built, warnings are errors.
+docs: $(VENV)/docs
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
+	@echo build/docs/index.html
+
+$(VENV)/docs: $(VENV)/ready requirements-docs.txt
+	$(BIN)/pip install --quiet -r requirements-docs.txt
 	touch $@
 
 clean:

@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 from pathlib import Path
 
 import pytest
 
 from binopos_ros.cli import VERBS
+from binopos_ros.node_options import OPTIONS, options_types
+from binopos_ros.parameters import specs_of
 
 PROJECT = Path(__file__).resolve().parent.parent
-DOCUMENTS = sorted([PROJECT / 'README.md', *PROJECT.glob('docs/*.md'), *PROJECT.glob('bags/*.md')])
+DOCUMENTS = sorted([*PROJECT.glob('*.md'), *PROJECT.glob('docs/*.md'), *PROJECT.glob('bags/*.md')])
 
 
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
 def test_links_lead_to_files(path):
-    for target in re.findall(r'\]\(([^)#]+)(?:#[^)]*)?\)', path.read_text()):
-        if '://' not in target:
-            assert (path.parent / target).exists(), target
+    for target, anchor in re.findall(r'\]\(([^)#]*)(?:#([^)]*))?\)', path.read_text()):
+        # The site's reference is made when the site is.
+        if '://' in target or target.startswith('reference/'):
+            continue
+        leads = path.parent / target if target else path
+        assert leads.exists(), target
+        if anchor:
+            assert anchor in anchors(leads.read_text()), f'{target}#{anchor}'
+
+
+def anchors(text: str) -> set[str]:
+    """The anchors of a document's headings, as GitHub and the site make them."""
+    headings = re.findall(r'^#+ +(.+)$', text, re.MULTILINE)
+    words = [
+        re.sub(r'[^\w\- ]', '', re.sub(r'\]\([^)]*\)', '', each)).strip() for each in headings
+    ]
+    return {each.lower().replace(' ', '-') for each in words}
 
 
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
@@ -36,6 +53,42 @@ def test_the_readme_names_every_topic_and_verb():
         assert f'binopos {verb}' in text
     for topic in ('target/pose', 'target/position', 'target/odometry', 'left/centroid'):
         assert f'`{topic}`' in text
+
+
+def test_the_documents_name_every_topic_and_service_that_a_node_declares():
+    documents = 'README.md', 'docs/calibration.md'
+    text = ''.join((PROJECT / each).read_text() for each in documents)
+    for path in PROJECT.glob('binopos_ros/nodes/*.py'):
+        source = path.read_text()
+        for name in re.findall(r"\.publisher\(\s*\w+, f?'([^']+)'", source):
+            topic = name.replace('{side}', 'left')
+            assert f'`{topic}`' in text, f'{path.name}: {topic}'
+        for name in re.findall(r"create_service\(\w+, f?'([^']+)'", source):
+            service = name.replace('{side}', 'left')
+            assert f'`{service}`' in text or '{' in service, f'{path.name}: {service}'
+
+
+def test_the_reference_is_made_of_all_that_is_declared(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(PROJECT / 'docs'))
+    declared = importlib.import_module('declared')
+    declared.write_reference(tmp_path)
+    pages = {path.stem: path.read_text() for path in tmp_path.iterdir()}
+    for node in OPTIONS:
+        for each in options_types(node):
+            for name in specs_of(each):
+                assert f'| `{name}` |' in pages['parameters'], name
+    for verb in VERBS:
+        assert f'usage: binopos {verb}' in pages['verbs']
+    for name in ('optics.StereoRig', 'triangulation.triangulate', 'smoothing.make_filter'):
+        assert f'### binopos_ros.{name}' in pages['api']
+    long = [line for line in pages['verbs'].splitlines() if len(line) > 80]
+    assert long == []
+
+
+def test_every_page_has_its_place_on_the_site():
+    index = (PROJECT / 'docs' / 'index.md').read_text()
+    for path in PROJECT.glob('docs/*.md'):
+        assert path.stem == 'index' or f'\n{path.stem}\n' in index, path.name
 
 
 def test_no_document_names_a_place_on_somebodys_machine():

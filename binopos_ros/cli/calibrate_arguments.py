@@ -183,7 +183,13 @@ def _add_board(parser: argparse.ArgumentParser) -> None:
         help='inner corners of a chessboard, squares of a ChArUco board, circles (default: 9x6)',
     )
     parser.add_argument('--square', type=float, metavar='M', help='side of a square (m)')
-    parser.add_argument('--kind', choices=KINDS, default=CHESSBOARD, help='kind of board')
+    parser.add_argument(
+        '--kind',
+        choices=KINDS,
+        default=CHESSBOARD,
+        metavar='KIND',
+        help=f'kind of board: {", ".join(KINDS)} (default: chessboard)',
+    )
     parser.add_argument('--marker', type=float, default=0.0, metavar='M', help='ChArUco marker')
     parser.add_argument('--dictionary', default='DICT_4X4_50', help='ChArUco dictionary')
     parser.add_argument('--legacy', action='store_true', help='ChArUco pattern before OpenCV 4.6')

@@ -20,8 +20,8 @@ HELP = "the paper's experiments and the comparison of filters: tables and plots"
 
 EPILOG = """\
 examples:
-  binopos evaluate --quick                a minute's version
-  binopos evaluate -o evaluation          100 experiments of each kind, 200 sequences
+  binopos evaluate --quick           a minute's version
+  binopos evaluate -o evaluation     100 experiments of each kind, 200 sequences
 
 Results are kept in the folder part by part: a run that was stopped goes on
 where it was, and a second one only writes the report. A part is made anew when

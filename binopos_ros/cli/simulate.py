@@ -20,7 +20,7 @@ HELP = 'render a scene with known truth to a bag'
 
 EPILOG = """\
 examples:
-  the paper's washbowl, 300 pairs, calm water; a still target under waves of 1 mm:
+  the paper's washbowl, 300 pairs; a still target under waves of 1 mm:
     binopos simulate -o bowl
     binopos simulate -o rough --waves 0.001 --still
   salt at the bottom of the bowl:
@@ -34,9 +34,9 @@ examples:
     binopos simulate -o wet --board 9x6 --pairs 15 --rate 2
 
 The bag's folder also holds binopos.yaml (what the cameras look through, and
-what --config and -p give), left.yaml and right.yaml (their calibration), so that
-`binopos process BAG -o OUT.mcap` needs nothing else. The true position of the
-target is on /stereo/truth/pose.
+what --config and -p give), left.yaml and right.yaml (their calibration), so
+that `binopos process BAG -o OUT.mcap` needs nothing else. The true position of
+the target is on /stereo/truth/pose.
 """
 
 FORMATS = {
@@ -104,7 +104,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     target = parser.add_argument_group('target')
     motion = target.add_mutually_exclusive_group()
     motion.add_argument(
-        '--path', choices=PATHS, help='how the target moves (default: figure-eight)'
+        '--path',
+        choices=PATHS,
+        metavar='PATH',
+        help=f'how the target moves: {", ".join(PATHS)} (default: figure-eight)',
     )
     motion.add_argument(
         '--still', action='store_const', const='still', dest='path', help='same as --path still'
@@ -157,7 +160,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--kind',
         choices=KINDS,
         default=CHESSBOARD,
-        help='what is printed (default: chessboard)',
+        metavar='KIND',
+        help=f'what is printed: {", ".join(KINDS)} (default: chessboard)',
     )
     boards.add_argument(
         '--square',
