@@ -13,7 +13,7 @@ from typing import Any
 
 from binopos_ros.cli import VERBS
 from binopos_ros.cli.parser import VerbParser
-from binopos_ros.node_options import OPTIONS, options_types
+from binopos_ros.node_options import NODES, options_types
 from binopos_ros.parameters import ParameterSpec, specs_of
 from binopos_ros.smoothing.stage import SmootherOptions
 
@@ -80,7 +80,7 @@ def parameters() -> Iterator[str]:
     """Every parameter of every node."""
     yield '# Parameters of the nodes\n'
     yield 'How they are given: [Parameters](../parameters.md).'
-    for node in OPTIONS:
+    for node in NODES:
         types = options_types(node)
         if not types:
             continue

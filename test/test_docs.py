@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from binopos_ros.cli import VERBS
-from binopos_ros.node_options import OPTIONS, options_types
+from binopos_ros.node_options import NODES, options_types
 from binopos_ros.parameters import specs_of
 
 PROJECT = Path(__file__).resolve().parent.parent
@@ -73,7 +73,7 @@ def test_the_reference_is_made_of_all_that_is_declared(tmp_path, monkeypatch):
     declared = importlib.import_module('declared')
     declared.write_reference(tmp_path)
     pages = {path.stem: path.read_text() for path in tmp_path.iterdir()}
-    for node in OPTIONS:
+    for node in NODES:
         for each in options_types(node):
             for name in specs_of(each):
                 assert f'| `{name}` |' in pages['parameters'], name

@@ -49,7 +49,7 @@ from binopos_ros.cli.fixed_target import fixed_target_text
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.stereo_topics import choice_of
 from binopos_ros.cli.terminal import fitted
-from binopos_ros.node_options import OPTIONS, Parameters
+from binopos_ros.node_options import NODES, Parameters
 from binopos_ros.nodes.ros import require_ros
 from binopos_ros.optics import stereo_from_camera_infos
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
@@ -86,7 +86,7 @@ def main(arguments: argparse.Namespace) -> int:
 def _refuse_slips(arguments: argparse.Namespace) -> None:
     """See that what is given for nodes could be theirs, whether or not this kind runs them."""
     parameters = Parameters(layers(arguments), arguments.ros_arguments)
-    for name in OPTIONS:
+    for name in NODES:
         parameters.of_node(name)
 
 

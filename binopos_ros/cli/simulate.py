@@ -10,7 +10,7 @@ from binopos_ros.calibration.views.board import CHESSBOARD, KINDS, Board, parse_
 from binopos_ros.cli.config import add_config_argument, parameters_of
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.simulated_bag import record
-from binopos_ros.node_options import OPTIONS
+from binopos_ros.node_options import NODES
 from binopos_ros.simulation.errors import SimulationError
 from binopos_ros.simulation.presets import PRESETS, Choices, in_air, with_board
 from binopos_ros.simulation.rig_motion import MOTIONS, Odometer
@@ -213,7 +213,7 @@ def main(arguments: argparse.Namespace) -> int:
     pairs = preset.pairs if arguments.pairs is None else arguments.pairs
     _refuse_contradictions(arguments)
     parameters = parameters_of(arguments)
-    given = {name: values for name in OPTIONS if (values := parameters.of_node(name))}
+    given = {name: values for name in NODES if (values := parameters.of_node(name))}
     board = _board(arguments)
     scene = preset.make(
         Choices(
