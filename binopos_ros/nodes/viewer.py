@@ -71,6 +71,10 @@ class ViewerNode(StageNode):
         """As `Source`: in the time that the stamps are of."""
         return Instant(time.monotonic(), self.get_clock().now().nanoseconds * 1e-9)
 
+    def more(self) -> Mapping[str, Any]:
+        """As `Source`."""
+        return {}
+
     def look(self, look: Look) -> None:
         """As `Source`."""
         self._look = look

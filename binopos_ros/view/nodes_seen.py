@@ -84,6 +84,11 @@ class NodesSeen:
         ]
         return sorted(found, key=lambda each: -each['count'])
 
+    def refused(self, side: str) -> str:
+        """Why the best candidate in a picture was refused; '' where there was none."""
+        node = self._nodes.get('detector')
+        return shown(node.values.get(f'{side}: best candidate refused', '')) if node else ''
+
     @property
     def waves(self) -> float:
         """Wave level in pixel noises; nan where the rig looks through no free surface."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.sides import SIDES
-from binopos_ros.view.nodes_seen import SILENT, NodesSeen
+from binopos_ros.view.nodes_seen import NodesSeen
 from binopos_ros.view.pace import Pace
 from binopos_ros.view.remedies import remedy_for
 from binopos_ros.view.ring import Ring
@@ -38,6 +38,8 @@ TOPICS = {
 CURVE_PERIOD, CURVE_LENGTH = 0.1, 120.0
 #: s after which a distance or a mark is of the past.
 STALE = 1.0
+#: s; the smoother tells the target's health twice per second.
+UNTOLD = 1.5
 
 
 class Instant(NamedTuple):
@@ -68,6 +70,7 @@ class Screen:
         timeline: what happened.
         curves: points of the last two minutes: stamp (s), x, y, z, their deviations (m),
             latency (s; nan where not known), rate (Hz).
+        epoch: changes whenever the curves begin anew.
     """
 
     def __init__(self, on_mark: Callable[[Mark], None] = lambda _: None) -> None:
@@ -85,6 +88,7 @@ class Screen:
         self._index: tuple[float, float, bool] | None = None
         self._cameras: dict[str, dict[str, Any]] = {}
         self._next_point = -math.inf
+        self.epoch = 0
         self._takers: dict[str, Callable[[Instant, Any], None]] = {
             'target/pose': self._take_pose,
             'target/position': self._take_position,
@@ -114,7 +118,7 @@ class Screen:
         self._nodes.look(instant.wall, now)
         median, p99 = self._pace.latency(now)
         word, reason = self._health
-        if now - self._health_at > SILENT:
+        if now - self._health_at > UNTOLD:
             word, reason = ('silent', 'the smoother says nothing any more') if word else ('', '')
         speed_at, speed, speed_std = self._speed
         distance_at, distance = self._distance
@@ -130,6 +134,8 @@ class Screen:
             'rate': self._pace.rate(now),
             'latency': {'median': median, 'p99': p99},
             'pictures': {side: pace.rate(now) for side, pace in self._pictures.items()},
+            'refused': {side: self._nodes.refused(side) for side in SIDES},
+            'epoch': self.epoch,
             'index': self._index_told(),
             'waves': self._nodes.waves,
             'drops': self._nodes.drops(),
@@ -143,6 +149,7 @@ class Screen:
         self._pose = None
         self._pace = Pace()
         self._next_point = -math.inf
+        self.epoch += 1
         self.curves.clear()
 
     def _take_pose(self, instant: Instant, message: Any) -> None:

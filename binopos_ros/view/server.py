@@ -310,7 +310,7 @@ class PageServer:
         made, figures = self._figures
         now = time.monotonic()
         if now - made > FRESH:
-            figures = self.screen.numbers(self._source.instant())
+            figures = {**self.screen.numbers(self._source.instant()), **self._source.more()}
             self._figures = (now, figures)
         return figures
 

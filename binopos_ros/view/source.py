@@ -27,6 +27,9 @@ class Source(Protocol):
     def instant(self) -> Instant:
         """Now, in the time that is shown."""
 
+    def more(self) -> Mapping[str, Any]:
+        """What a page shows beside the screen, as it is now: the place in a bag, the surface."""
+
     def look(self, look: Look) -> None:
         """What is looked at has changed: feed that, and nothing that nobody looks at."""
 

@@ -28,6 +28,9 @@ class Told:
     def about(self):
         return {'title': '/stereo', 'mode': 'live', 'buttons': []}
 
+    def more(self):
+        return {}
+
     def instant(self):
         return Instant(time.monotonic(), time.time())
 

@@ -153,7 +153,7 @@ def test_two_viewers_both_see_and_one_that_does_not_read_holds_up_nobody(serve):
 
     async def look():
         async with (
-            connect(f'ws://{served.authority}/ws', max_queue=1) as slow,
+            connect(f'ws://{served.authority}/ws', max_queue=1, close_timeout=0.1) as slow,
             connect(f'ws://{served.authority}/ws') as quick,
         ):
             await watch(slow)
