@@ -40,7 +40,7 @@ from binopos_ros.calibration.views.pictures import Pictures
 from binopos_ros.calibration.views.sources import folder_pair
 from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.calibrate_arguments import add_arguments
-from binopos_ros.cli.calibrate_camera import calibrate_one
+from binopos_ros.cli.calibrate_camera import calibrate_interface_of_one, calibrate_one
 from binopos_ros.cli.calibrate_report import report
 from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, target_pairs
 from binopos_ros.cli.config import layers, parameters_of, ros_words
@@ -123,7 +123,6 @@ def _stereo(arguments: argparse.Namespace) -> int:
 
 
 def _interface(arguments: argparse.Namespace) -> int:
-    air, covariance = read_stereo(arguments.calibration)
     output = arguments.output or arguments.calibration / 'interface'
     if output.resolve() == arguments.calibration.resolve():
         raise CalibrationError(
@@ -131,6 +130,9 @@ def _interface(arguments: argparse.Namespace) -> int:
             'another folder'
         )
     guesses = _guesses_of(arguments)
+    if arguments.side is not None:
+        return calibrate_interface_of_one(arguments, _board_of(arguments), guesses, output)
+    air, covariance = read_stereo(arguments.calibration)
     sigma: float | None = None
     left_out: Sequence[Dropped] = ()
     if arguments.target_diameter is not None:

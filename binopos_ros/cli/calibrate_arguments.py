@@ -73,6 +73,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='folder that `calibrate stereo` has written',
     )
     interface.add_argument(
+        '--side',
+        choices=SIDES,
+        help='SOURCE is a folder of the pictures of this camera alone: its port, or the surface '
+        'as the left camera sees it',
+    )
+    interface.add_argument(
         '--indices',
         default='1.0,1.333',
         metavar='N0,N1,..',

@@ -6,6 +6,7 @@ differentiated by a left factor exp(d) (see `rig_state`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -19,9 +20,7 @@ from binopos_ros.optics.lens import EQUIDISTANT
 from binopos_ros.optics.paths import path_through
 from binopos_ros.optics.refracted import apparent_points
 from binopos_ros.optics.rig_state import (
-    LEFT_PORT,
     RIGHT,
-    RIGHT_PORT,
     SHARED,
     TARGET_INDEX,
     Camera,
@@ -141,7 +140,7 @@ def _through_interface(state: RigState, side: int, local: np.ndarray) -> _Seen:
         return _Seen(local, straight, np.zeros((count, 3, 0)), [], still, still)
     interface = state.interfaces[places[0]]
     if len(places) > 1 or not isinstance(interface, FlatInterface):
-        return _through_all(state, side, local)
+        return _through_all(state, side, places, local)
     (place,) = places
     own = [TARGET_INDEX, *state.names_of(place)]
     columns = [state.names.index(name) for name in own]
@@ -169,7 +168,7 @@ def _through_interface(state: RigState, side: int, local: np.ndarray) -> _Seen:
     return _Seen(seen.points, seen.by_point, by_interface, columns, by_rotation, by_translation)
 
 
-def _through_all(state: RigState, side: int, local: np.ndarray) -> _Seen:
+def _through_all(state: RigState, side: int, places: Sequence[str], local: np.ndarray) -> _Seen:
     """Through the camera's own port, of any shape, and a shared surface behind it, at any angle.
 
     Apparent points are those of the image plane, z = 1.
@@ -178,7 +177,7 @@ def _through_all(state: RigState, side: int, local: np.ndarray) -> _Seen:
     translation = state.translation if side == RIGHT else np.zeros(3)
     shared = state.interfaces.get(SHARED)
     assert shared is None or isinstance(shared, FlatInterface)
-    port = state.interfaces[RIGHT_PORT if side == RIGHT else LEFT_PORT]
+    (port,) = (state.interfaces[place] for place in places if place != SHARED)
     try:
         surfaces = Surfaces(port, shared, rotation, translation, SIDES[side])
     except OpticsError:

@@ -213,6 +213,8 @@ def cross_matrices(vectors: np.ndarray) -> np.ndarray:
 
 
 def places_seen_through(state: RigState, side: int) -> Sequence[str]:
-    """The interfaces in front of a camera."""
+    """The interfaces in front of a camera; all of them where there is but one."""
+    if len(state.cameras) == 1:
+        return list(state.interfaces)
     own = LEFT_PORT if side == LEFT else RIGHT_PORT
     return [place for place in state.interfaces if place in (SHARED, own)]

@@ -170,6 +170,27 @@ def test_each_camera_alone_then_both_together(
     assert np.linalg.norm(translation) == pytest.approx(3.3273 * 0.025, rel=0.01)
 
 
+def test_one_camera_finds_what_it_looks_through(
+    world: Path, calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with BagReader(world / 'wet') as reader:
+        for i, record in enumerate(reader.messages(topics=['/stereo/left/image_raw/compressed'])):
+            data = bytes(reader.decode(record).data)
+            (tmp_path / f'{i:02}.jpg').write_bytes(data)
+    line = 'calibrate interface {at} --side left --square 0.025 --calibration {cal} -o {at}/own'
+    assert main(words(line, at=tmp_path, cal=world / 'cal')) == 0
+    assert 'interface.distance' in capsys.readouterr().out
+    written = yaml.safe_load((tmp_path / 'own' / 'left_interface.yaml').read_text())
+    own = written['/**/triangulator']['ros__parameters']['interface']
+    truth = [0.03, 0.06, 1.0] / np.linalg.norm([0.03, 0.06, 1.0])
+    assert abs(own['distance'] - 0.8) < 4.0 * own['distance_std']
+    assert np.linalg.norm(np.array(own['normal']) - truth) < 6.0 * own['normal_std']
+    assert (tmp_path / 'own' / 'left_interface.html').exists()
+    # The other camera's frame is not the rig's.
+    assert main(words(f'{line} --side right', at=tmp_path, cal=world / 'cal')) == 2
+    assert 'give --ports' in capsys.readouterr().err
+
+
 def test_intrinsics_first_then_only_the_pose(
     world: Path, calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

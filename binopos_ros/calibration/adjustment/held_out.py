@@ -71,7 +71,6 @@ def _transfer(
     views: Sequence[View],
 ) -> list[np.ndarray]:
     start = [fit.poses[i] for i, _ in left_only]
-    # The left camera alone, with what stands before it.
     before = {place: rig.interfaces[place] for place in places_seen_through(rig, LEFT)}
     left = RigState(rig.cameras[:1], interfaces=before)
     none = np.zeros(len(left.names), bool)

@@ -201,7 +201,9 @@ class DomeGuess(Guess):
 def check_places(guesses: Sequence[Guess]) -> None:
     places = sorted(guess.place for guess in guesses)
     ports = [LEFT_PORT, RIGHT_PORT]
-    if places not in ([SHARED], ports, [LEFT_PORT], [RIGHT_PORT], [SHARED, *ports]):
+    of_rig = [[SHARED], ports, [SHARED, *ports]]
+    of_one = [own + shared for own in ([LEFT_PORT], [RIGHT_PORT]) for shared in ([], [SHARED])]
+    if places not in of_rig + [sorted(one) for one in of_one]:
         raise CalibrationError(
             f'interfaces {places}: give one shared surface, or a port for each camera, or both'
         )

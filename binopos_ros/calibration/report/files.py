@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,14 @@ from binopos_ros.sides import SIDES
 
 INTERFACE_FILE = 'interface.yaml'
 COVARIANCE_FILE = 'covariance.yaml'
+INTERFACE_HEAD = (
+    '# What the cameras look through; a ROS 2 parameter file for --config and --params-file.',
+    '# Written by `binopos calibrate interface`. +- is one standard deviation.',
+    '/**/triangulator:',
+    '  ros__parameters:',
+)
+#: Of what the triangulator takes a deviation where it has no covariance.
+STATED = ('normal', 'distance', 'centre')
 
 
 def camera_infos(state: RigState, names: tuple[str, str] = SIDES) -> tuple[CameraInfo, CameraInfo]:
@@ -63,11 +72,15 @@ def write_stereo(
 
 def write_camera(folder: Path, side: str, calibration: CameraCalibration) -> list[Path]:
     """Write SIDE.yaml and SIDE_covariance.yaml of a camera alone; the paths, in this order."""
+    return write_one(folder, side, calibration.adjustment.state, calibration.adjustment.covariance)
+
+
+def write_one(folder: Path, side: str, state: RigState, covariance: np.ndarray) -> list[Path]:
+    """Write SIDE.yaml and SIDE_covariance.yaml of a rig's only camera; the paths."""
     _make_folder(folder)
     paths = [folder / f'{side}.yaml', folder / f'{side}_{COVARIANCE_FILE}']
-    write_camera_info(paths[0], camera_info_alone(calibration.camera.pinhole(), side))
-    fit = calibration.adjustment
-    write_covariance(paths[1], fit.state, fit.covariance)
+    write_camera_info(paths[0], camera_info_alone(state.cameras[0].pinhole(), side))
+    write_covariance(paths[1], state, covariance)
     return paths
 
 
@@ -77,35 +90,61 @@ def write_interface(folder: Path, calibration: InterfaceCalibration) -> list[Pat
     The pictures through the interface have improved the cameras a little, too, and the covariance
     is that of all of them together: the four files belong together.
     """
-    lines = [
-        '# What the cameras look through; a ROS 2 parameter file for --config and --params-file.',
-        '# Written by `binopos calibrate interface`. +- is one standard deviation.',
-        '/**/triangulator:',
-        '  ros__parameters:',
-    ]
+    lines = list(INTERFACE_HEAD)
     lines.append(f'    calibration_covariance: {COVARIANCE_FILE}  # beside this file')
-    index = calibration.deviation(TARGET_INDEX)
     for place, interface in calibration.state.interfaces.items():
-        spreads: dict[str, list[float]] = {}
-        for name in calibration.state.names_of(place):
-            kind = name.split('.')[1]
-            spreads.setdefault(kind, []).append(calibration.deviation(name))
-        remarks = {
-            kind: 'm, +- ' + ', '.join(f'{one:.5f}' for one in spread)
-            for kind, spread in spreads.items()
-            if kind not in ('normal', 'indices')
-        }
-        if 'normal' in spreads:
-            remarks['normal'] = f'+- {np.degrees(max(spreads["normal"])):.3f} deg'
-        if 'distance' in spreads and interface.indices[0] == interface.indices[-1]:
-            remarks['distance'] = 'm, of a plate: it does not matter'
-        elif place in calibration.state.last_places:
-            remarks['indices'] = f'the last +- {index:.5f}'
-        lines += interface_block(place, interface, remarks)
+        lines += interface_block(place, interface, _remarks(calibration, place))
     paths = write_stereo(folder, calibration.state, calibration.covariance)
     path = folder / INTERFACE_FILE
     write_text(path, '\n'.join(lines) + '\n')
     return [path, *paths]
+
+
+def write_interface_alone(
+    folder: Path, side: str, calibration: InterfaceCalibration
+) -> list[Path]:
+    """Write what one camera looks through, SIDE_interface.yaml, and its own two files beside it.
+
+    The triangulator takes the files of both sides together. Its covariance is of a whole rig, so
+    here the deviations are stated one by one.
+    """
+    lines = list(INTERFACE_HEAD)
+    for place, interface in calibration.state.interfaces.items():
+        lines += interface_block(place, interface, _remarks(calibration, place))
+        for kind, spread in _spreads(calibration, place).items():
+            if kind in STATED:
+                lines.append(f'      {kind}_std: {max(spread)!r}')
+    state = calibration.state
+    paths = write_one(folder, side, state, calibration.covariance)
+    path = folder / f'{side}_{INTERFACE_FILE}'
+    write_text(path, '\n'.join(lines) + '\n')
+    return [path, *paths]
+
+
+def _remarks(calibration: InterfaceCalibration, place: str) -> dict[str, str]:
+    """Units and standard deviations of an interface's values, by their names in the file."""
+    interface = calibration.state.interfaces[place]
+    spreads = _spreads(calibration, place)
+    remarks = {
+        kind: 'm, +- ' + ', '.join(f'{one:.5f}' for one in spread)
+        for kind, spread in spreads.items()
+        if kind not in ('normal', 'indices')
+    }
+    if 'normal' in spreads:
+        remarks['normal'] = f'+- {np.degrees(max(spreads["normal"])):.3f} deg'
+    if 'distance' in spreads and interface.indices[0] == interface.indices[-1]:
+        remarks['distance'] = 'm, of a plate: it does not matter'
+    elif place in calibration.state.last_places:
+        remarks['indices'] = f'the last +- {calibration.deviation(TARGET_INDEX):.5f}'
+    return remarks
+
+
+def _spreads(calibration: InterfaceCalibration, place: str) -> dict[str, list[float]]:
+    """The standard deviations of an interface's parameters by kind."""
+    spreads: dict[str, list[float]] = {}
+    for name in calibration.state.names_of(place):
+        spreads.setdefault(name.split('.')[1], []).append(calibration.deviation(name))
+    return spreads
 
 
 def read_stereo(folder: Path) -> tuple[RigState, ParameterCovariance | None]:
@@ -147,8 +186,26 @@ def read_intrinsics(folder: Path) -> GivenCameras:
     return GivenCameras((left, right), ParameterCovariance((*first.names, *names), matrix))
 
 
-def _refuse_missing(folder: Path, otherwise: str = '') -> None:
-    for side in SIDES:
+def read_one(folder: Path, side: str) -> tuple[RigState, ParameterCovariance | None]:
+    """Read one camera of a folder as a rig's only one, and the covariance of its parameters.
+
+    Raises:
+        CalibrationError: a file is missing. OpticsError: it cannot be used.
+    """
+    _refuse_missing(folder, f'or `calibrate camera --side {side}` ', (side,))
+    state = RigState((Camera.of(read_camera_info(folder / f'{side}.yaml').camera()),))
+    own, of_both = folder / f'{side}_{COVARIANCE_FILE}', folder / COVARIANCE_FILE
+    if own.is_file():
+        return state, read_covariance(own)
+    if not of_both.is_file():
+        return state, None
+    # A camera alone is its rig's first.
+    names = [name.replace(f'{SIDES[0]}.', f'{side}.') for name in state.names]
+    return state, ParameterCovariance(state.names, read_covariance(of_both).ordered(names))
+
+
+def _refuse_missing(folder: Path, otherwise: str = '', sides: Sequence[str] = SIDES) -> None:
+    for side in sides:
         if not (folder / f'{side}.yaml').is_file():
             raise CalibrationError(
                 f'{folder} holds no {side}.yaml: give the folder that `binopos calibrate stereo` '

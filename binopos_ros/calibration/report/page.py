@@ -63,8 +63,10 @@ def stereo_report(folder: Path, calibration: StereoCalibration) -> Path:
     return path
 
 
-def interface_report(folder: Path, calibration: InterfaceCalibration) -> Path:
-    """Write interface.html; its path."""
+def interface_report(
+    folder: Path, calibration: InterfaceCalibration, name: str = 'interface.html'
+) -> Path:
+    """Write the page; its path."""
     rows = [
         (verdict.name, verdict.value_in_words, verdict.spread_in_words, verdict.text)
         for verdict in verdicts(calibration)
@@ -77,7 +79,7 @@ def interface_report(folder: Path, calibration: InterfaceCalibration) -> Path:
     fit = calibration.adjustment
     if fit is not None:
         sections += _picture_sections(fit, calibration.views, calibration.covariance)
-    path = folder / 'interface.html'
+    path = folder / name
     write_text(path, page('Interface calibration', advice(calibration), sections))
     return path
 
@@ -112,10 +114,11 @@ def _picture_sections(
         _picture('Coverage', pictures.coverages(fit, views)),
     ]
     if len(whole) == len(views):
-        sections += [
-            _picture('Residual maps', pictures.residual_maps(fit, views)),
-            _picture('Epipolar error along the rays', pictures.epipolar(fit, views)),
-        ]
+        sections += [_picture('Residual maps', pictures.residual_maps(fit, views))]
+    if len(fit.state.cameras) < 2:
+        return sections
+    if len(whole) == len(views):
+        sections += [_picture('Epipolar error along the rays', pictures.epipolar(fit, views))]
     errors = error_map(fit.state, covariance, views, fit.poses)
     median = f' Median over what both cameras see: {1000 * errors.median:.2f} mm.'
     volume = 'Predicted error over the working volume'
