@@ -42,7 +42,7 @@ MAY_IMPORT: dict[str, frozenset[str]] = {
     'pipeline': STAGES - {'capture', 'calibration', 'simulation', 'bag'} | {'arrivals', 'tracker'},
     'report': frozenset({'pipeline', 'pairing', 'smoothing'}),
     'parameter_files': frozenset(),
-    'view': frozenset({'bag'}),
+    'view': frozenset({'bag', 'detection'}),
     'node_options': STAGES | {'parameter_files', 'arrivals', 'view'},
     'evaluation': STAGES | {'tracker', 'pipeline', 'report'},
     'nodes': STAGES

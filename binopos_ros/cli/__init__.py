@@ -21,6 +21,7 @@ VERBS = {
     'replay': 'play a bag through the live nodes and report what comes out',
     'process': 'run a bag through the same stages offline, every pair, as fast as possible',
     'view': "serve the operator's page: what the rig sees and what is wrong, in a browser",
+    'report': 'write one page about a dive: its path, how sure it is, what happened',
     'record': "record the suite's topics to a bag",
     'simulate': 'render a scene with known truth to a bag',
     'calibrate': 'make the calibration files of the cameras and of the interface',

@@ -7,13 +7,10 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-import cv2
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from binopos_ros.bag.messages import stamp_of
 from binopos_ros.detection import DetectionError
-from binopos_ros.detection.images import decode, image_of
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.interfaces import installed_class
 from binopos_ros.nodes.onlooker import Onlooker
@@ -22,14 +19,13 @@ from binopos_ros.nodes.running import run
 from binopos_ros.nodes.shell import StageNode, sensor_data
 from binopos_ros.nodes.viewer_buttons import Buttons
 from binopos_ros.sides import SIDES
+from binopos_ros.view.encoding import encoded_picture
 from binopos_ros.view.errors import ViewError
 from binopos_ros.view.options import ViewerOptions
 from binopos_ros.view.screen import TOPICS, Instant
 from binopos_ros.view.server import PageServer
 from binopos_ros.view.source import Answer, Look
-from binopos_ros.view.wire import Picture, serialized_picture
-
-JPEG_QUALITY = 85
+from binopos_ros.view.wire import serialized_picture
 
 
 class ViewerNode(StageNode):
@@ -123,7 +119,7 @@ class ViewerNode(StageNode):
             elif not self._is_due(side):
                 return
             else:
-                picture = Picture(side, stamp_of(message), _jpeg(message))
+                picture = encoded_picture(side, message)
         except (ViewError, DetectionError) as error:
             self._diagnostics.drop(f'{side}: {error}')
             return
@@ -151,18 +147,6 @@ class ViewerNode(StageNode):
             'Pictures are looked at': self._look.pictures,
             **{f'Refused: {reason}': count for reason, count in sorted(refused.items())},
         }
-
-
-def _jpeg(message: Image) -> bytes:
-    """A raw picture as a JPEG.
-
-    Raises:
-        DetectionError: its encoding is not known, or it is cut short.
-    """
-    frame = decode(image_of(message))
-    pixels = frame.window(0, 0, frame.width, frame.height)
-    _, jpeg = cv2.imencode('.jpg', pixels, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
-    return jpeg.tobytes()
 
 
 def view(words: list[str], typed: list[Parameter]) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections import Counter, deque
+from collections import deque
 
 from binopos_ros.view.wire import Picture
 
@@ -16,20 +16,20 @@ class Mailbox:
     """Keeps what one viewer has not been sent yet.
 
     A viewer that is slow gets fewer pictures, never older ones, and holds up nobody; what it holds
-    in memory does not grow.
+    in memory does not grow. The last picture of a row always comes.
 
     Attributes
     ----------
     wants_pictures : bool
         Whether the viewer looks at pictures.
-    skipped : Counter
-        Pictures it was not sent, by reason.
+    skipped : int
+        Pictures in whose place it got a newer one.
 
     """
 
     def __init__(self, picture_rate: float) -> None:
         self.wants_pictures = False
-        self.skipped: Counter[str] = Counter()
+        self.skipped = 0
         self._period = 1 / picture_rate
         self._due: dict[str, float] = {}
         self._pictures: dict[str, Picture] = {}
@@ -38,18 +38,10 @@ class Mailbox:
         self._something = asyncio.Event()
 
     def put_picture(self, picture: Picture) -> None:
-        """Keep a picture in the place of the one before, at the rate that is allowed."""
+        """Keep a picture in the place of the one before."""
         if not self.wants_pictures:
             return
-        now = time.monotonic()
-        if now < self._due.get(picture.side, 0.0):
-            self.skipped['faster than picture_rate'] += 1
-            return
-        # A period of grace, as pictures do not come evenly.
-        due = max(self._due.get(picture.side, 0.0), now - self._period)
-        self._due[picture.side] = due + self._period
-        if picture.side in self._pictures:
-            self.skipped['the viewer was slower'] += 1
+        self.skipped += picture.side in self._pictures
         self._pictures[picture.side] = picture
         self._something.set()
 
@@ -65,18 +57,27 @@ class Mailbox:
         self._something.set()
 
     async def wait(self, seconds: float) -> None:
-        """Wait until there is something, or for so long."""
+        """Wait until something can be sent, or for so long."""
+        now = time.monotonic()
+        waits = [self._due.get(side, 0.0) - now for side in self._pictures]
         try:
-            await asyncio.wait_for(self._something.wait(), seconds)
+            await asyncio.wait_for(self._something.wait(), max(min([seconds, *waits]), 0.0))
         except (asyncio.TimeoutError, TimeoutError):
             return
 
     def take(self) -> tuple[list[str], list[Picture]]:
         """Texts and pictures to be sent now; marks before the pictures that they belong to."""
+        now = time.monotonic()
         texts = [*self._answers, *self._marks]
-        pictures = list(self._pictures.values())
+        pictures = [
+            each for each in self._pictures.values() if self._due.get(each.side, 0.0) <= now
+        ]
+        for each in pictures:
+            del self._pictures[each.side]
+            # A period of grace, as pictures do not come evenly.
+            due = max(self._due.get(each.side, 0.0), now - self._period)
+            self._due[each.side] = due + self._period
         self._answers.clear()
         self._marks.clear()
-        self._pictures.clear()
         self._something.clear()
         return texts, pictures

@@ -42,7 +42,11 @@ function hello(told) {
     return button;
   }));
   find('player').hidden = told.mode !== 'bag';
-  if (told.mode === 'bag') find('place').max = told.duration;
+  if (told.mode === 'bag') {
+    find('place').max = told.duration;
+    // What is shown there: nothing else comes while the bag stands.
+    link.send({type: 'seek', at: told.at});
+  }
 }
 
 function takeState(state) {
@@ -104,7 +108,14 @@ const isPlaying = () => page.state?.player?.playing;
 find('play').onclick = () => link.send({type: isPlaying() ? 'pause' : 'play'});
 find('back').onclick = () => link.send({type: 'step', by: -1});
 find('on').onclick = () => link.send({type: 'step', by: 1});
-find('place').oninput = () => link.send({type: 'seek', at: Number(find('place').value)});
+const SEEK_MS = 120;
+let seeking = 0;
+find('place').oninput = () => {
+  seeking ||= setTimeout(() => {
+    seeking = 0;
+    link.send({type: 'seek', at: Number(find('place').value)});
+  }, SEEK_MS);
+};
 find('speed').onchange = () => link.send({type: 'speed', rate: Number(find('speed').value)});
 
 function togglePictures() {

@@ -1,0 +1,50 @@
+"""`binopos report`: one page about a dive, to hand to a client."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from binopos_ros.cli.outputs import add_force_argument, written
+from binopos_ros.view.dive import Dive
+from binopos_ros.view.dive_page import dive_page
+from binopos_ros.view.story import tell
+
+HELP = 'write one page about a dive: its path, how sure it is, what happened'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the verb's arguments."""
+    parser.add_argument(
+        'bags',
+        nargs='+',
+        type=Path,
+        metavar='BAG',
+        help='bags of one dive, such as what `binopos process` made and then the recording with '
+        'its pictures; of a topic that several hold, the first counts',
+    )
+    parser.add_argument(
+        '-o', '--output', required=True, type=Path, metavar='HTML', help='page to write'
+    )
+    add_force_argument(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    """Write the page; 1 where the bags hold no pose, else 0."""
+    with written(arguments.output, arguments.force) as part:
+        with Dive(arguments.bags) as dive:
+            story = tell(dive)
+            dropped = dive.dropped
+        words = ['binopos report', *map(str, arguments.bags), '-o', str(arguments.output)]
+        inputs = [f'{path}: {size(path):,} bytes' for path in arguments.bags]
+        if dropped:
+            inputs.append(f'{dropped} messages could not be read')
+        part.write_text(dive_page(story, words, inputs), encoding='utf-8')
+    print(f'{arguments.output}: {len(story.stamps)} poses, {len(story.events)} events')
+    return 0 if len(story.stamps) else 1
+
+
+def size(path: Path) -> int:
+    """Bytes of a bag, a file or a folder."""
+    files = [path] if path.is_file() else [each for each in path.rglob('*') if each.is_file()]
+    return sum(each.stat().st_size for each in files)
