@@ -1,14 +1,17 @@
 """The live nodes beside the plain pipeline that a user would write, on the same bag in one run.
 
-    python bench/live.py [BAG] [--rate 30] [--seconds 20] [--rounds 2] [--json FILE]
+    python bench/live.py [BAG] [--rate 30] [--seconds 20] [--rounds 2] [--alone]
+        [--single-process] [--load 0] [--json FILE]
 
 BAG is a bag of `binopos simulate` (JPEG); without it one is made. Its pictures are published
 again and again at a rate, with the present as their stamp, to one of the two at a time, in
-turns. A latency is the time from a pair's stamp to the arrival of its pose in this process;
-processor time is that of the processes that make the pose, all their threads, divided by the
-pairs sent; what gave no pose is lost. The plain pipeline is one rclpy node: OpenCV decodes,
-finds red by inRange, takes the moments and triangulates along straight rays; pairs by equal
-stamps alone, and no covariance and no filter.
+turns (`--alone`: to the suite only). A latency is the time from a pair's stamp to the arrival of
+its pose in this process; processor time is that of the processes that make the pose, all their
+threads, divided by the pairs sent; what gave no pose is lost. Their memory, threads and open
+files are told for each minute of a run. `--load` keeps so many processes busy beside it, and
+`--single-process` composes the suite's nodes. The plain pipeline is one rclpy node: OpenCV
+decodes, finds red by inRange, takes the moments and triangulates along straight rays; pairs by
+equal stamps alone, and no covariance and no filter.
 """
 
 from __future__ import annotations
@@ -33,7 +36,7 @@ import numpy as np
 SIDES = ('left', 'right')
 SUITE = ('detector', 'triangulator', 'smoother')
 PLAIN = 'plain pipeline'
-TICKS = os.sysconf('SC_CLK_TCK')
+TICKS, PAGE = os.sysconf('SC_CLK_TCK'), os.sysconf('SC_PAGESIZE')
 SETTLE, DRAIN, START = 1.0, 1.5, 60.0
 DOMAIN = '87'
 INPUTS = ('image_raw/compressed', 'camera_info')
@@ -119,15 +122,37 @@ def processor_seconds(processes: list[subprocess.Popen[bytes]]) -> float:
     return total / TICKS
 
 
-def started(name: str, bag: Path) -> list[subprocess.Popen[bytes]]:
+def resources(processes: list[subprocess.Popen[bytes]]) -> tuple[float, int, int]:
+    """Resident memory in MB, threads and open files of the processes and their children."""
+    memory = threads = files = 0
+    for pid in with_children(process.pid for process in processes):
+        folder = Path(f'/proc/{pid}')
+        memory += int((folder / 'statm').read_text().split()[1]) * PAGE
+        threads += len(list((folder / 'task').iterdir()))
+        files += len(list((folder / 'fd').iterdir()))
+    return 1e-6 * memory, threads, files
+
+
+def started(name: str, bag: Path, single: bool) -> list[subprocess.Popen[bytes]]:
     quiet: dict[str, Any] = {'stdout': subprocess.DEVNULL, 'stderr': subprocess.DEVNULL}
     if name == PLAIN:
         return [subprocess.Popen([sys.executable, __file__, '--plain'], **quiet)]
     words = ['--ros-args', '--params-file', str(bag / 'binopos.yaml')]
-    return [
-        subprocess.Popen([sys.executable, '-m', 'binopos_ros.nodes', each, *words], **quiet)
-        for each in SUITE
-    ]
+    command = [sys.executable, '-m', 'binopos_ros.nodes']
+    groups = [SUITE] if single else [(each,) for each in SUITE]
+    return [subprocess.Popen([*command, *each, *words], **quiet) for each in groups]
+
+
+@contextlib.contextmanager
+def busy(count: int) -> Iterator[None]:
+    """So many processes that take all the processor time that they get."""
+    loops = [subprocess.Popen([sys.executable, '-c', 'while True: pass']) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
 
 
 class Feed:
@@ -186,13 +211,15 @@ class Feed:
         struct.pack_into('<iI', data, 4, *divmod(stamp, 10**9))
         self.publishers[side].publish(bytes(data))
 
-    def run(self, name: str, bag: Path, rate: float, seconds: float) -> dict[str, Any]:
-        processes = started(name, bag)
+    def run(
+        self, name: str, bag: Path, rate: float, seconds: float, single: bool
+    ) -> dict[str, Any]:
+        processes = started(name, bag, single)
         try:
             self.connect('/plain/pose' if name == PLAIN else '/stereo/target/pose')
             # The first second warms up and is not counted.
             sent, warm, begin = [], round(rate), time.monotonic()
-            spent = 0.0
+            spent, minutes = 0.0, []
             for k in range(warm + round(rate * seconds)):
                 self.spin(begin + k / rate)
                 if k == warm:
@@ -202,8 +229,11 @@ class Feed:
                     self.send(side, k, stamp)
                 if k >= warm:
                     sent.append(stamp)
+                if len(sent) % round(60 * rate) == 1:
+                    minutes.append(resources(processes))
             self.spin(time.monotonic() + DRAIN)
             spent = processor_seconds(processes) - spent
+            minutes.append(resources(processes))
         finally:
             for process in processes:
                 process.terminate()
@@ -217,7 +247,9 @@ class Feed:
             'lost': len(sent) - len(taken),
             'median_ms': float(median),
             'p99_ms': float(high),
+            'oldest_ms': max(taken, default=np.nan),
             'cpu_ms_per_pair': 1e3 * spent / len(sent),
+            'minutes': minutes,
         }
 
 
@@ -230,6 +262,9 @@ def main() -> int:
     parser.add_argument('--rate', type=float, default=30.0, help='pairs per second')
     parser.add_argument('--seconds', type=float, default=20.0)
     parser.add_argument('--rounds', type=int, default=2)
+    parser.add_argument('--alone', action='store_true', help='without the plain pipeline')
+    parser.add_argument('--single-process', action='store_true')
+    parser.add_argument('--load', type=int, default=0, help='processes that are busy beside it')
     parser.add_argument('--json', type=Path)
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = DOMAIN
@@ -239,29 +274,36 @@ def main() -> int:
             bag = Path(folder) / 'washbowl'
             words = [sys.executable, '-m', 'binopos_ros', 'simulate', '-o', str(bag)]
             subprocess.run(words, check=True, capture_output=True)
-        results = measured(bag, options.rate, options.seconds, options.rounds)
+        with busy(options.load):
+            results = measured(bag, options)
     if options.json:
         options.json.write_text(json.dumps(results, indent=1) + '\n')
     return 0
 
 
-def measured(bag: Path, rate: float, seconds: float, rounds: int) -> list[dict[str, Any]]:
+def measured(bag: Path, options: argparse.Namespace) -> list[dict[str, Any]]:
     """The figures of each round and pipeline, printed as they come."""
     from binopos_ros.detection import JPEG_DECODER
 
-    feed = Feed(bag)
-    names = (f'the suite ({JPEG_DECODER})', PLAIN)
+    feed, rate = Feed(bag), options.rate
+    name = f'the suite ({JPEG_DECODER})'
+    names = (name,) if options.alone else (name, PLAIN)
     results = []
     print(f'{rate:g} pairs/s, load {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores')
-    print(f'{"":28}{"pairs":>7}{"lost":>7}{"median ms":>11}{"p99 ms":>9}{"CPU ms/pair":>13}')
-    for _, name in itertools.product(range(rounds), names):
-        found = feed.run(name, bag, rate, seconds)
+    print(
+        f'{"":28}{"pairs":>7}{"lost":>7}{"median ms":>11}{"p99 ms":>9}{"oldest ms":>11}'
+        f'{"CPU ms/pair":>13}'
+    )
+    for _, name in itertools.product(range(options.rounds), names):
+        found = feed.run(name, bag, rate, options.seconds, options.single_process)
         results.append({**found, 'rate': rate, 'load': os.getloadavg()[0]})
         print(
             f'{name:28}{found["pairs"]:7d}{found["lost"]:7d}{found["median_ms"]:11.1f}'
-            f'{found["p99_ms"]:9.1f}{found["cpu_ms_per_pair"]:13.1f}',
-            flush=True,
+            f'{found["p99_ms"]:9.1f}{found["oldest_ms"]:11.1f}{found["cpu_ms_per_pair"]:13.1f}'
         )
+        for memory, threads, files in found['minutes'] if options.seconds > 60 else ():
+            print(f'{"":28}{memory:9.1f} MB, {threads} threads, {files} open files')
+        sys.stdout.flush()
     return results
 
 

@@ -1,25 +1,33 @@
 """Robot and topside on two ends of a tether: what crosses, and what a broken link costs.
 
-    sudo python bench/tether.py BAG [--rate 10mbit] [--down 10] [--json FILE]
+    sudo python bench/tether.py BAG [--rate 10mbit] [--delay 0] [--loss 0] [--down 10]
+        [--discovery peers|server] [--play-rate 1] [--json FILE]
 
-BAG is a bag of `binopos simulate`. Two network namespaces are joined by a virtual cable that
-carries so much (tbf). The player and the detector run on the robot's end, the rest topside; the
-link is then taken down for so many seconds and set up again. It needs root, and the machine for
-itself.
+BAG is a bag of `binopos simulate`. Two network namespaces are joined by a cable that carries so
+much (tbf), takes so many milliseconds each way, and loses such a part of the packets: two tap
+devices, between which this process hands packets on. The player and the detector run on the
+robot's end, the rest topside; the link is then taken down for so many seconds and set up again. It
+needs root, and the machine for itself.
 """
 
 from __future__ import annotations
 
 import argparse
+import fcntl
 import json
 import os
+import random
+import select
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +37,19 @@ ROBOT, TOPSIDE = ENDS = ('bp_robot', 'bp_topside')
 ADDRESSES = {ROBOT: '10.77.0.1', TOPSIDE: '10.77.0.2'}
 #: Seconds for the nodes to come up, that are watched before the link goes down, and after.
 START, BEFORE, AFTER = 15.0, 10.0, 15.0
+PATIENCE = 10.0
+#: How the ends find each other: the environment of both.
+DISCOVERY = {
+    'peers': {
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
+        'ROS_STATIC_PEERS': ';'.join(ADDRESSES.values()),
+    },
+    'server': {'ROS_DISCOVERY_SERVER': f'{ADDRESSES[ROBOT]}:11811'},
+}
+SERVER = ('fastdds', 'discovery', '-i', '0', '-l', ADDRESSES[ROBOT], '-p', '11811')
+#: Of the kernel's if_tun.h, and more than a packet of Ethernet.
+TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x2, 0x1000
+LONGEST_PACKET = 1 << 16
 #: Runs topside: prints when each pose came, and the books of every node.
 LISTENER = """
 import json, rclpy, time
@@ -61,13 +82,48 @@ def ip(*words: str) -> str:
     return done.stdout
 
 
+class Cable(threading.Thread):
+    """Hands packets on between two tap devices, late or not at all.
+
+    Args:
+        delay: seconds, each way.
+        loss: part of the packets.
+    """
+
+    def __init__(self, delay: float, loss: float) -> None:
+        super().__init__(daemon=True)
+        self._delay, self._loss = delay, loss
+        self._ends = []
+        for name in ENDS:
+            end = os.open('/dev/net/tun', os.O_RDWR | os.O_NONBLOCK)
+            fcntl.ioctl(end, TUNSETIFF, struct.pack('16sH', name.encode(), IFF_TAP | IFF_NO_PI))
+            self._ends.append(end)
+        self._chance = random.Random(1)
+
+    def run(self) -> None:
+        one, other = self._ends
+        across = {one: other, other: one}
+        waiting: deque[tuple[float, int, bytes]] = deque()
+        while True:
+            left = max(waiting[0][0] - time.monotonic(), 0.0) if waiting else None
+            for end in select.select(self._ends, (), (), left)[0]:
+                with suppress(OSError):  # the link is down
+                    packet = os.read(end, LONGEST_PACKET)
+                    if self._chance.random() >= self._loss:
+                        waiting.append((time.monotonic() + self._delay, across[end], packet))
+            while waiting and waiting[0][0] <= time.monotonic():
+                _, end, packet = waiting.popleft()
+                with suppress(OSError):
+                    os.write(end, packet)
+
+
 @contextmanager
-def tether(rate: str) -> Iterator[None]:
+def tether(rate: str, delay: float, loss: float) -> Iterator[None]:
     """Two namespaces with a cable between them."""
     for end in ENDS:
         ip('netns', 'add', end)
     try:
-        ip('link', 'add', ROBOT, 'type', 'veth', 'peer', 'name', TOPSIDE)
+        cable = Cable(delay, loss)
         for end in ENDS:
             ip('link', 'set', end, 'netns', end)
             ip('-n', end, 'addr', 'add', f'{ADDRESSES[end]}/24', 'dev', end)
@@ -75,6 +131,7 @@ def tether(rate: str) -> Iterator[None]:
             ip('-n', end, 'link', 'set', end, 'up')
             words = f'tc -n {end} qdisc add dev {end} root tbf rate {rate} burst 64kb latency 50ms'
             subprocess.run(words.split(), check=True)
+        cable.start()
         yield
     finally:
         for end in ENDS:
@@ -82,15 +139,9 @@ def tether(rate: str) -> Iterator[None]:
 
 
 def started(end: str, *words: object, **options: Any) -> subprocess.Popen[str]:
-    """A process on one end."""
-    environment = {
-        **os.environ,
-        'ROS_DOMAIN_ID': '91',
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
-        'ROS_STATIC_PEERS': ';'.join(ADDRESSES.values()),
-    }
-    command = ['ip', 'netns', 'exec', end, sys.executable, *map(str, words)]
-    return subprocess.Popen(command, env=environment, text=True, **options)
+    """A process on one end, found in the way that the environment says."""
+    command = ['ip', 'netns', 'exec', end, *map(str, words)]
+    return subprocess.Popen(command, text=True, start_new_session=True, **options)
 
 
 def crossed() -> int:
@@ -99,18 +150,20 @@ def crossed() -> int:
     return int(link['stats64']['tx']['bytes'])
 
 
-def measured(bag: Path, down: float, output: Path) -> dict[str, object]:
+def measured(bag: Path, down: float, rate: float, server: bool, output: Path) -> dict[str, object]:
     """What the run shows."""
     given = ('--ros-args', '--params-file', bag / 'binopos.yaml')
-    running = [
-        started(ROBOT, STARTER, 'detector', *given),
-        started(TOPSIDE, STARTER, 'triangulator', *given),
-        started(TOPSIDE, STARTER, 'smoother', *given),
+    node = (sys.executable, STARTER)
+    running = [started(ROBOT, *SERVER, stdout=subprocess.DEVNULL)] if server else []
+    running += [
+        started(ROBOT, *node, 'detector', *given),
+        started(TOPSIDE, *node, 'triangulator', *given),
+        started(TOPSIDE, *node, 'smoother', *given),
     ]
     with output.open('w') as stream:
-        running.append(started(TOPSIDE, '-c', LISTENER, stdout=stream))
-        played = ('--ros-args', '-p', f'bag:={bag}', '-p', 'loop:=true')
-        running.append(started(ROBOT, STARTER, 'player', *played))
+        running.append(started(TOPSIDE, sys.executable, '-c', LISTENER, stdout=stream))
+        played = ('--ros-args', '-p', f'bag:={bag}', '-p', 'loop:=true', '-p', f'rate:={rate}')
+        running.append(started(ROBOT, *node, 'player', *played))
         time.sleep(START)
         begin, sent = time.time(), crossed()
         time.sleep(BEFORE)
@@ -120,9 +173,14 @@ def measured(bag: Path, down: float, output: Path) -> dict[str, object]:
         ip('-n', ROBOT, 'link', 'set', ROBOT, 'up')
         up = time.time()
         time.sleep(AFTER)
+        # Groups, as the discovery server is a child of its tool, which does not end it.
         for process in reversed(running):
-            process.send_signal(signal.SIGINT)
+            os.killpg(process.pid, signal.SIGINT)
         for process in running:
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(PATIENCE)
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
             process.wait()
     told = [json.loads(line) for line in output.read_text().splitlines() if line.startswith('{')]
     poses = [each['pose'] for each in told if 'pose' in each]
@@ -144,9 +202,23 @@ def main() -> None:
     parser.add_argument('--rate', default='10mbit', help='what the tether carries, as tc has it')
     parser.add_argument('--down', type=float, default=10.0, help='seconds that the link is down')
     parser.add_argument('--json', type=Path, metavar='FILE')
+    parser.add_argument('--delay', type=float, default=0.0, help='of a packet, ms each way')
+    parser.add_argument('--loss', type=float, default=0.0, help='part of the packets')
+    parser.add_argument('--discovery', choices=DISCOVERY, default='peers')
+    parser.add_argument('--play-rate', type=float, default=1.0, help='of the bag')
     arguments = parser.parse_args()
-    with tether(arguments.rate), tempfile.TemporaryDirectory() as folder:
-        result = measured(arguments.bag.absolute(), arguments.down, Path(folder) / 'told')
+    os.environ |= {'ROS_DOMAIN_ID': '91', **DISCOVERY[arguments.discovery]}
+    with (
+        tether(arguments.rate, 1e-3 * arguments.delay, arguments.loss),
+        tempfile.TemporaryDirectory() as folder,
+    ):
+        result = measured(
+            arguments.bag.absolute(),
+            arguments.down,
+            arguments.play_rate,
+            arguments.discovery == 'server',
+            Path(folder) / 'told',
+        )
     for name, value in result.items():
         print(
             f'  {name:<40}  {value:.2f}' if isinstance(value, float) else f'  {name:<40}  {value}'

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -179,3 +181,24 @@ def test_every_picture_and_every_pair_ends_once(events, newest_first):
     ]
     assert ledger.taken == len(stamps[0] & stamps[1])
     assert ledger.taken == ledger.used + ledger.lost.total()
+
+
+@given(
+    st.lists(st.tuples(*[st.floats(0.0, 0.9)] * 2), min_size=2, max_size=40),
+    st.lists(st.floats(0.01, 20.0), min_size=40, max_size=40),
+)
+def test_whatever_work_takes_it_begins_less_than_two_periods_after_the_stamp(delays, takes):
+    """delays are those of each pair's pictures, and takes what each work takes, in periods."""
+    desk, free = Desk(), 0.0
+    coming = sorted(
+        (number + delay, side, number)
+        for number, each in enumerate(delays)
+        for side, delay in zip(('left', 'right'), each, strict=True)
+    )
+    for (now, side, number), (following, *_) in itertools.pairwise(coming):
+        desk.add(side, SECOND + number * PERIOD)
+        begin = max(free, now)
+        if begin <= following and (work := desk.work()):
+            stamp = work[0][1]
+            assert begin - (stamp - SECOND) / PERIOD < 2.0
+            free = begin + takes.pop()
