@@ -40,8 +40,8 @@ from binopos_ros.sides import SIDES
 
 HELP = 'run a bag through the same stages offline, every pair, as fast as possible'
 
-#: JPEG decoding gives the interpreter's lock free, so that two cores are used.
-DECODERS = 2
+#: Pictures that are decoded ahead, by one thread: decoding gives the interpreter's lock free, but
+#: a second one would only get in the way of the stages more often.
 READ_AHEAD = 8
 #: A bound for slips of the keyboard; each job takes a processor and 200 MB.
 MOST_JOBS = 256
@@ -158,7 +158,7 @@ def process_one(arguments: argparse.Namespace) -> Report:
         if arguments.csv:
             path = stack.enter_context(written(arguments.csv, arguments.force))
             table = Table(stack.enter_context(_opened(path)))
-        pool = stack.enter_context(ThreadPoolExecutor(DECODERS))
+        pool = stack.enter_context(ThreadPoolExecutor(1))
         total = sum(reader.topics[topic].count for topic in topics.roles)
         tick = stack.enter_context(progress('processing', total))
         for event in _events(reader, topics, pipeline, pool, report, tick):
@@ -198,7 +198,7 @@ def _events(
     report: Report,
     tick: Callable[[], None],
 ) -> Iterator[Event]:
-    """Everything the bag leads to, by its stamps, with the images decoded ahead in threads."""
+    """Everything the bag leads to, by its stamps, with the images decoded ahead in a thread."""
     waiting: deque[_Item] = deque()
     calibrations: dict[str, bytes] = {}
     for record in by_stamp(reader, topics):
