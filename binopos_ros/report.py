@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -95,12 +95,17 @@ class Fates:
             poses: stamps of the poses, nanoseconds.
         """
         lost: Counter[str] = Counter()
+        for _, reason in self.lost_pairs(poses):
+            count_reason(lost, reason)
+        return lost
+
+    def lost_pairs(self, poses: Collection[int]) -> Iterator[tuple[int, str]]:
+        """The left stamps (ns) of pairs that gave no pose, and why; `poses` as `lost` has them."""
         given = set(poses)
         for left, right in self.pairs:
             if left not in given:
                 told = self._reasons.get(left, []) + self._reasons.get(right, [])
-                count_reason(lost, min(told)[1] if told else LATE)
-        return lost
+                yield left, min(told)[1] if told else LATE
 
     def alone(self) -> Counter[str]:
         """Why something was dropped that is of no pair."""

@@ -39,6 +39,7 @@ from binopos_ros.calibration.views.pairs import BoardPair, Dropped
 from binopos_ros.calibration.views.pictures import Pictures
 from binopos_ros.calibration.views.sources import folder_pair
 from binopos_ros.calibration.views.view import View
+from binopos_ros.capture.usb import find_cameras
 from binopos_ros.cli.calibrate_arguments import add_arguments
 from binopos_ros.cli.calibrate_camera import calibrate_interface_of_one, calibrate_one
 from binopos_ros.cli.calibrate_report import report
@@ -47,11 +48,12 @@ from binopos_ros.cli.config import layers, parameters_of, ros_words
 from binopos_ros.cli.convert_calibration import convert
 from binopos_ros.cli.fixed_target import fixed_target_text
 from binopos_ros.cli.progress import progress
+from binopos_ros.cli.rig_file import next_step, write_rig
 from binopos_ros.cli.stereo_topics import choice_of
 from binopos_ros.cli.terminal import fitted
 from binopos_ros.node_options import NODES, Parameters
 from binopos_ros.nodes.ros import require_ros
-from binopos_ros.optics import stereo_from_camera_infos
+from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.parameters import build
 from binopos_ros.pipeline import detector_options, make_platform
@@ -164,7 +166,15 @@ def _interface(arguments: argparse.Namespace) -> int:
     for one in left_out:
         print(f'  {one}')
     paths.append(interface_report(output, calibration))
-    _print_paths(paths)
+    rig, missing = write_rig(
+        output,
+        paths[0].read_text(encoding='utf-8'),
+        {side: read_camera_info(output / f'{side}.yaml') for side in SIDES},
+        frozenset(camera.serial for camera in find_cameras() if camera.serial),
+        arguments.target_diameter,
+    )
+    _print_paths([*paths, rig])
+    print(f'Next: {next_step(rig, missing)}')
     return 0
 
 

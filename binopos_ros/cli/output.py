@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable
 from typing import Any, TextIO
 
 import numpy as np
@@ -26,7 +27,14 @@ CSV_COLUMNS = (
     *('sx', 'sy', 'sz'),
     *('raw_x', 'raw_y', 'raw_z'),
     *('index', 'index_std'),
+    *('vx', 'vy', 'vz'),
+    *('cxy', 'cxz', 'cyz'),
 )
+#: Columns before those of the velocity.
+MORE = CSV_COLUMNS.index('vx')
+#: The covariance's terms beside its diagonal: xy, xz, yz.
+TERMS = (0, 0, 1), (1, 2, 2)
+Row = list[float | str]
 TOPICS = {
     'left/centroid': messages.POSE_WITH_COVARIANCE,
     'right/centroid': messages.POSE_WITH_COVARIANCE,
@@ -117,32 +125,54 @@ class Output:
 
 
 class Table:
-    """The CSV of the contract: one row per pair that gave a position."""
+    """The CSV of the contract: a row per pair that gave a position, or per pair.
 
-    def __init__(self, stream: TextIO) -> None:
+    Args:
+        stream: to write to.
+        every_pair: rows of pairs that gave no pose too, with the reason; all are written at the
+            end, in the order of their stamps.
+    """
+
+    def __init__(self, stream: TextIO, every_pair: bool = False) -> None:
         self._rows = csv.writer(stream, lineterminator='\n')
-        self._rows.writerow(CSV_COLUMNS)
+        self._kept: dict[int, Row] | None = {} if every_pair else None
+        self._rows.writerow([*CSV_COLUMNS, *(['reason'] if every_pair else [])])
 
     def write(self, event: Located) -> None:
-        """Write one row; the filtered columns stay empty where the filter gave no pose."""
+        """Take one row in; the filtered columns stay empty where the filter gave no pose."""
         position = event.position
-        filtered: list[float | str] = [''] * 6
+        filtered: Row = [''] * 6
+        more: Row = [''] * (len(CSV_COLUMNS) - MORE)
         if event.pose is not None:
             state = event.pose.state
             deviations = np.sqrt(np.diag(state.covariance)[:3])
             filtered = [*state.position.tolist(), *deviations.tolist()]
-        self._rows.writerow(
-            [
-                seconds_text(position),
-                *filtered,
-                *position.point.tolist(),
-                float(position.index.mean),
-                float(position.index.std),
-            ]
-        )
+            more = [*state.velocity.tolist(), *state.covariance[TERMS].tolist()]
+        row: Row = [
+            seconds_text(position.stamp),
+            *filtered,
+            *position.point.tolist(),
+            float(position.index.mean),
+            float(position.index.std),
+            *more,
+        ]
+        if self._kept is None:
+            self._rows.writerow(row)
+        else:
+            self._kept[position.stamp] = row
+
+    def end(self, lost: Iterable[tuple[int, str]]) -> None:
+        """Write what was kept, and the pairs that were lost: stamps (ns) and reasons."""
+        if self._kept is None:
+            return
+        for stamp, reason in lost:
+            empty: Row = [seconds_text(stamp), *[''] * (len(CSV_COLUMNS) - 1)]
+            self._kept.setdefault(stamp, empty).append(reason)
+        for _, row in sorted(self._kept.items()):
+            self._rows.writerow([*row, *[''] * (len(CSV_COLUMNS) + 1 - len(row))])
 
 
-def seconds_text(position: Position) -> str:
-    """The stamp in seconds, to the nanosecond."""
-    seconds, rest = divmod(position.stamp, 1_000_000_000)
+def seconds_text(stamp: int) -> str:
+    """A stamp of nanoseconds in seconds, to the nanosecond."""
+    seconds, rest = divmod(stamp, 1_000_000_000)
     return f'{seconds}.{rest:09d}'

@@ -25,7 +25,7 @@ from binopos_ros.cli.config import (
     told_sources,
 )
 from binopos_ros.cli.output import Output, Table
-from binopos_ros.cli.outputs import add_force_argument, written
+from binopos_ros.cli.outputs import OutputError, add_force_argument, written
 from binopos_ros.cli.progress import progress
 from binopos_ros.cli.recorded_calibration import calibrations, camera_info_of
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
@@ -97,6 +97,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='table of positions to write; a folder for several bags',
     )
+    parser.add_argument(
+        '--csv-all',
+        action='store_true',
+        help='with a row for every pair in it, and the reason of those that gave no pose',
+    )
     add_force_argument(parser)
     add_config_argument(parser)
     add_calibration_argument(parser)
@@ -106,6 +111,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
+    if arguments.csv_all and arguments.csv is None:
+        raise OutputError('--csv-all says what is in the table: give --csv FILE too')
     if arguments.jobs or len(arguments.bags) > 1:
         # Processes of its own need a good deal of the library.
         from binopos_ros.cli.dives import process_all
@@ -157,7 +164,7 @@ def process_one(arguments: argparse.Namespace) -> Report:
         table = None
         if arguments.csv:
             path = stack.enter_context(written(arguments.csv, arguments.force))
-            table = Table(stack.enter_context(_opened(path)))
+            table = Table(stack.enter_context(_opened(path)), arguments.csv_all)
         pool = stack.enter_context(ThreadPoolExecutor(1))
         total = sum(reader.topics[topic].count for topic in topics.roles)
         tick = stack.enter_context(progress('processing', total))
@@ -166,7 +173,9 @@ def process_one(arguments: argparse.Namespace) -> Report:
             output.write(event)
             if table is not None and isinstance(event, Located):
                 table.write(event)
-    report.conclude()
+        report.conclude()
+        if table is not None:
+            table.end(report.fates.lost_pairs(report.filtered.stamps))
     return report
 
 

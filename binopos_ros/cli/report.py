@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from binopos_ros.cli.config import add_config_argument, live_parameters
 from binopos_ros.cli.outputs import add_force_argument, written
 from binopos_ros.view.dive import Dive
 from binopos_ros.view.dive_page import dive_page
@@ -27,10 +28,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--output', required=True, type=Path, metavar='HTML', help='page to write'
     )
     add_force_argument(parser)
+    add_config_argument(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
     """Write the page; 1 where the bags hold no pose, else 0."""
+    live_parameters(arguments)
     with written(arguments.output, arguments.force) as part:
         with Dive(arguments.bags) as dive:
             story = tell(dive)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from os import PathLike
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +14,7 @@ from binopos_ros.optics.batches import in_blocks
 from binopos_ros.optics.camera import PinholeCamera, components
 from binopos_ros.optics.errors import OpticsError
 from binopos_ros.optics.interface import TARGET_INDEX, FlatInterface, Interface
+from binopos_ros.optics.rig_folder import parts_in
 from binopos_ros.optics.view import View
 
 FloatArray = NDArray[np.float64]
@@ -87,6 +90,30 @@ class StereoRig:
             )
             raise OpticsError(msg)
         self.target_index = ends.pop() if ends else None
+
+    @classmethod
+    def load(cls, folder: str | PathLike[str]) -> StereoRig:
+        """The rig of a folder that `binopos calibrate` or a recording has left.
+
+        Args:
+            folder: with left.yaml and right.yaml (camera_info), and with rig.yaml, interface.yaml
+                or binopos.yaml, the first of which says what the cameras look through; without
+                one, nothing.
+
+        Raises:
+            OpticsError: a file is missing, or cannot be used.
+
+        """
+        return cls(*parts_in(Path(folder)))
+
+    def __repr__(self) -> str:
+        places = ('interface', 'left_port', 'right_port')
+        surfaces = [
+            f'{place}={each!r}' for place in places if (each := getattr(self, place)) is not None
+        ]
+        baseline = float(np.linalg.norm(self.translation))
+        parts = [f'baseline={baseline:.4g} m', f'left={self.left!r}', f'right={self.right!r}']
+        return f'StereoRig({", ".join(parts + surfaces)})'
 
     @property
     def views(self) -> tuple[View, View]:

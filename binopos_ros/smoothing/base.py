@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from binopos_ros.smoothing.errors import SmoothingError
 from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, build
 from binopos_ros.smoothing.state import FilterState, unknown_state
@@ -68,7 +69,8 @@ class _Run(NamedTuple):
 class Filter(ABC, Generic[MemoryT]):
     """A smoother of stamped 3-D positions; see :meth:`step`.
 
-    Raises :class:`SmoothingError` for an unknown option or one out of range, and nothing later.
+    Raises :class:`SmoothingError` for an unknown option or one out of range; later only for arrays
+    of other shapes.
     """
 
     name: ClassVar[str]
@@ -77,6 +79,10 @@ class Filter(ABC, Generic[MemoryT]):
     def __init__(self, **options: Any) -> None:
         self.options = build(self.options_class, self.name, options)
         self.reset()
+
+    def __repr__(self) -> str:
+        given = ', '.join(f'{name}={value!r}' for name, value in vars(self.options).items())
+        return f'{type(self).__name__}({given})'
 
     def reset(self) -> None:
         """Forget all measurements; the options stay."""
@@ -110,6 +116,11 @@ class Filter(ABC, Generic[MemoryT]):
         -------
         FilterState
             `reason` says why the measurement was not used; the state is then the prediction.
+
+        Raises
+        ------
+        SmoothingError
+            The position or the covariance has another shape.
 
         """
         # Copies: a late measurement takes them in again, and the caller may reuse its arrays.
@@ -288,9 +299,9 @@ def _why_no_part(medium: Array, covariance: Array) -> str:
 def _why_bad(position: Array, covariance: Array) -> str:
     """Return what is wrong with a measurement in itself, or ''; in plain floats, for speed."""
     if position.shape != (3,):
-        return f'the position has shape {position.shape}, not (3,)'
+        raise SmoothingError(f'the position has shape {position.shape}, not (3,)')
     if covariance.shape != (3, 3):
-        return f'the covariance has shape {covariance.shape}, not (3, 3)'
+        raise SmoothingError(f'the covariance has shape {covariance.shape}, not (3, 3)')
     x, y, z = position.tolist()
     if not math.isfinite(x + y + z):
         return 'the position is not finite'

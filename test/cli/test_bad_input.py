@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
@@ -127,15 +128,25 @@ def test_a_stamp_that_jumps_back_starts_again(rewritten):
     assert used(process(rewritten(jump))) == PAIRS
 
 
-def test_a_target_that_leaves_the_view_leaves_no_position(rewritten, demo_bag):
+def test_a_target_that_leaves_the_view_leaves_no_position(rewritten, tmp_path):
     def blank(topic, count, message):
         if topic.endswith('compressed') and count in (2, 3):
             return dataclasses.replace(message, data=grey_jpeg(message.data))
         return message
 
-    done = process(rewritten(blank))
+    table = tmp_path / 'all.csv'
+    done = process(rewritten(blank), '--csv', table, '--csv-all')
     assert used(done) == PAIRS - 2
     assert 'dropped: left: ' in done.stdout
+    with table.open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == PAIRS
+    assert [row['stamp'] for row in rows] == sorted(row['stamp'] for row in rows)
+    for number, row in enumerate(rows):
+        empty = [name for name, value in row.items() if not value]
+        lost = number in (2, 3)
+        assert row['reason'].startswith('left: ') == lost
+        assert empty == (list(row)[1:-1] if lost else ['reason'])
 
 
 def grey_jpeg(data: np.ndarray) -> np.ndarray:

@@ -52,7 +52,7 @@ def summarise_interface(calibration: InterfaceCalibration) -> str:
     # One sentence may be about several parameters, as a dome's centre is three.
     words = list(dict.fromkeys(f'  {verdict.text}' for verdict in verdicts(calibration)))
     table = _table(interface_rows(calibration)) + _dropped(calibration.dropped)
-    return '\n'.join([table, *words, f'Next: {advice(calibration)}'])
+    return '\n'.join([table, *words, f'To improve: {advice(calibration)}'])
 
 
 def stereo_rows(calibration: StereoCalibration) -> Rows:
