@@ -1,6 +1,6 @@
 """`binopos`, the entry script: one verb, one module.
 
-A verb's module has `HELP` (a line), `add_arguments(parser)` and `main(arguments) -> exit status`.
+A verb's module has `add_arguments(parser)` and `main(arguments) -> exit status`.
 Modules are imported only when their verb is called, so that `binopos --help` needs no ROS.
 """
 

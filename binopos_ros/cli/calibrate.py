@@ -62,9 +62,8 @@ from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.options import TriangulatorOptions
 from binopos_ros.triangulation.surface_options import DOME, FLAT
 
-__all__ = ['HELP', 'add_arguments', 'main']
+__all__ = ['add_arguments', 'main']
 
-HELP = 'make the calibration files of the cameras and of the interface'
 BALLS = 60  # more do not change the result, only the time
 NOT_HOLDING = 1
 

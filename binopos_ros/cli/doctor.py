@@ -24,8 +24,6 @@ from binopos_ros.optics.errors import OpticsError
 from binopos_ros.parameters import build
 from binopos_ros.sides import SIDES
 
-HELP = 'say what is wrong with this machine, and how to mend it'
-
 FEWEST_FRAMES = 0.9
 """Share of the frame rate that a camera must reach."""
 CONTROLS = '.controls.'

@@ -16,8 +16,6 @@ from binopos_ros.evaluation.page import as_text, write_csv, write_page
 from binopos_ros.parameters import specs_of
 from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 
-HELP = "the paper's experiments and the comparison of filters: tables and plots"
-
 EPILOG = """\
 examples:
   binopos evaluate --quick           a minute's version

@@ -38,8 +38,6 @@ from binopos_ros.reasons import count_reason
 from binopos_ros.report import Fates, Report
 from binopos_ros.sides import SIDES
 
-HELP = 'run a bag through the same stages offline, every pair, as fast as possible'
-
 #: Pictures that are decoded ahead, by one thread: decoding gives the interpreter's lock free, but
 #: a second one would only get in the way of the stages more often.
 READ_AHEAD = 8

@@ -8,8 +8,6 @@ from binopos_ros.bag.recording import RecorderOptions
 from binopos_ros.cli.config import add_config_argument, layers, live_parameters, ros_words
 from binopos_ros.nodes.ros import require_ros
 
-HELP = "record the suite's topics to a bag"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments, named as in `ros2 bag record`."""

@@ -37,8 +37,6 @@ from binopos_ros.report import Fates, Report
 from binopos_ros.sides import SIDES
 from binopos_ros.smoothing.parts import PARTS
 
-HELP = 'play a bag through the live nodes and report what comes out'
-
 NODES = ('detector', 'triangulator', 'smoother')
 #: Rate of /clock, Hz, as in `ros2 bag play`.
 DEFAULT_CLOCK = 40.0

@@ -11,8 +11,6 @@ from binopos_ros.cli.config import add_config_argument, layers, live_parameters,
 from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments, viewer_of
 from binopos_ros.nodes.ros import require_ros
 
-HELP = 'start the nodes on the cameras of the rig and keep them up'
-
 NODES = ('camera', 'detector', 'triangulator', 'smoother')
 POLL = 0.1
 

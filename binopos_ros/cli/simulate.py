@@ -16,8 +16,6 @@ from binopos_ros.simulation.presets import PRESETS, Choices, in_air, with_board
 from binopos_ros.simulation.rig_motion import MOTIONS, Odometer
 from binopos_ros.simulation.target import PATHS
 
-HELP = 'render a scene with known truth to a bag'
-
 EPILOG = """\
 examples:
   the paper's washbowl, 300 pairs; a still target under waves of 1 mm:

@@ -12,8 +12,6 @@ from binopos_ros.nodes.ros import require_ros
 from binopos_ros.parameters import build
 from binopos_ros.view.options import ViewerOptions
 
-HELP = "serve the operator's page: what the rig sees and what is wrong, in a browser"
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
