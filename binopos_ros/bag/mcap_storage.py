@@ -161,7 +161,7 @@ class McapStorage:
         records = self._load(pending.file_number, pending.span)
         data = bytes(records[message.start : message.end])
         self._chunks.release((pending.file_number, pending.offset))
-        return Record(topic, message.log_time, data, message.publish_time)
+        return Record(topic, message.log_time, data)
 
 
 def _topics(files: list[FileIndex]) -> dict[str, TopicInfo]:

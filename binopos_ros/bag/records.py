@@ -16,7 +16,6 @@ class Record(NamedTuple):
     topic: str
     stamp_ns: int  #: log time: when it was recorded
     data: bytes  #: CDR, its 4-byte encapsulation header included
-    publish_ns: int  #: when it was published; the log time where the recorder did not know
 
 
 @dataclass

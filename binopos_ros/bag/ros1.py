@@ -85,7 +85,7 @@ class _File:
         try:
             for connection, stamp, data in self.reader.messages(connections, start=start_ns):
                 convert = self._convert.get(connection.msgtype, bytes)
-                yield Record(connection.topic, stamp, convert(data), stamp)
+                yield Record(connection.topic, stamp, convert(data))
         except BagError:
             raise
         except Exception as error:

@@ -79,7 +79,7 @@ class _Database:
                     (0 if start_ns is None else start_ns, *ids),
                 )
                 for key, stamp, data in cursor:
-                    yield Record(self.names[key], int(stamp), bytes(data), int(stamp))
+                    yield Record(self.names[key], int(stamp), bytes(data))
         except (sqlite3.Error, OverflowError, TypeError, ValueError) as error:
             raise self._damaged(error) from error
 

@@ -6,7 +6,7 @@ rectified: all this ends here, so that the nodes see the rig that they know.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +18,6 @@ from binopos_ros.cli.recorded_calibration import camera_info_of
 from binopos_ros.detection import DetectionError
 from binopos_ros.detection.images import decode, halves, image_of
 from binopos_ros.sides import SIDES
-
-_Translate = Callable[[Record], Iterable[Record]]
 
 
 class RigBag:

@@ -74,7 +74,7 @@ def test_the_world_time_of_a_stamp_is_known_before_and_after_it() -> None:
 
 def records(count: int, size: int) -> Iterator[Record]:
     for number in range(count):
-        yield Record('/a', number, bytes(size), number)
+        yield Record('/a', number, bytes(size))
 
 
 def test_reading_ahead_keeps_the_order_and_the_end() -> None:
