@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from binopos_ros.arrivals import ArrivalOptions
+from binopos_ros.bag.rig_topics import NAMESPACE
 from binopos_ros.detection import DetectorOptions
 from binopos_ros.parameter_files import Entry, RosArguments, read_blocks
 from binopos_ros.parameters import (
+    CONTROLS,
+    QOS_OVERRIDES,
     ParameterError,
     ParameterSpec,
     build,
@@ -22,12 +25,11 @@ from binopos_ros.platform import FixedFrameOptions
 from binopos_ros.smoothing.stage import SmootherOptions, filter_options_type
 from binopos_ros.triangulation.options import TriangulatorOptions
 
-NAMESPACE = '/stereo'
+#: What a bag is processed by, and what runs on a rig.
+STAGES = ('detector', 'triangulator', 'smoother')
+LIVE = ('camera', *STAGES)
 NODES = (
-    'camera',
-    'detector',
-    'triangulator',
-    'smoother',
+    *LIVE,
     'player',
     'recorder',
     'viewer',
@@ -35,8 +37,6 @@ NODES = (
 )
 #: What ROS itself declares for every node, with its type.
 OF_ROS: Mapping[str, type] = {'use_sim_time': bool, 'start_type_description_service': bool}
-QOS_OVERRIDES = 'qos_overrides.'
-CONTROLS = '.controls.'
 #: Parameters that name a file; where it lies beside the parameter file, its name is enough.
 FILES = ('calibration_covariance', 'left.camera_info_url', 'right.camera_info_url')
 #: Names this much alike are taken for a slip of the pen.

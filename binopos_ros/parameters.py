@@ -15,6 +15,11 @@ import typing
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+#: Begins the names of ROS's own parameters of a topic's quality of service.
+QOS_OVERRIDES = 'qos_overrides.'
+#: Stands between camera and control in the names of what a camera has besides its options.
+CONTROLS = '.controls.'
+
 
 class ParameterError(ValueError):
     """A parameter that is unknown, of the wrong type or out of range."""

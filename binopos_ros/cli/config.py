@@ -7,13 +7,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from binopos_ros.node_options import NAMESPACE, Parameters
+from binopos_ros.bag.rig_topics import NAMESPACE
+from binopos_ros.node_options import Parameters
 from binopos_ros.optics import CameraInfo, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_files import read_pair
 from binopos_ros.parameters import ParameterError
 from binopos_ros.sides import SIDES
 
-STAGES = ('detector', 'triangulator', 'smoother')
 BAG_CONFIG = 'binopos.yaml'
 
 

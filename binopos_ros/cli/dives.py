@@ -18,12 +18,12 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import NamedTuple
 
+from binopos_ros.cli import USAGE_ERROR
 from binopos_ros.cli.outputs import OutputError
 from binopos_ros.cli.progress import progress
 from binopos_ros.report import Report
 
 BAG_SUFFIXES = ('.mcap', '.bag', '.db3')
-USAGE_ERROR = 2
 
 #: Does the work of one bag; a function of a module, as it runs in another process.
 Work = Callable[[argparse.Namespace], Report]

@@ -21,12 +21,11 @@ from binopos_ros.cli.terminal import fitted
 from binopos_ros.optics import stereo_contradictions, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_url import name_fault, read_calibration
 from binopos_ros.optics.errors import OpticsError
-from binopos_ros.parameters import build
+from binopos_ros.parameters import CONTROLS, build
 from binopos_ros.sides import SIDES
 
 FEWEST_FRAMES = 0.9
 """Share of the frame rate that a camera must reach."""
-CONTROLS = '.controls.'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

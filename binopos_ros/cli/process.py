@@ -18,7 +18,6 @@ from binopos_ros.bag.by_stamp import by_stamp
 from binopos_ros.bag.platform_topics import TYPES, with_platform
 from binopos_ros.bag.rig_topics import BOTH, RigTopics
 from binopos_ros.cli.config import (
-    STAGES,
     add_calibration_argument,
     add_config_argument,
     parameters_of,
@@ -32,6 +31,7 @@ from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_argument
 from binopos_ros.cli.terminal import fitted
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage, decode
 from binopos_ros.detection.images import halves, image_of
+from binopos_ros.node_options import STAGES
 from binopos_ros.optics import CameraInfo, OpticsError
 from binopos_ros.pipeline import Event, Located, Pipeline
 from binopos_ros.reasons import count_reason

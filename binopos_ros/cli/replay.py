@@ -11,6 +11,7 @@ from binopos_ros.bag import BagReader
 from binopos_ros.bag.platform_topics import with_platform
 from binopos_ros.bag.playback import PlayerOptions
 from binopos_ros.bag.qos import played_as
+from binopos_ros.bag.rig_topics import NAMESPACE
 from binopos_ros.cli.config import (
     add_calibration_argument,
     add_config_argument,
@@ -29,15 +30,14 @@ from binopos_ros.cli.supervisor import (
 )
 from binopos_ros.cli.terminal import fitted
 from binopos_ros.cli.transport import transport_environment
-from binopos_ros.node_options import NAMESPACE, QOS_OVERRIDES, Parameters
+from binopos_ros.node_options import STAGES, Parameters
 from binopos_ros.nodes.ros import require_ros
-from binopos_ros.parameters import build
+from binopos_ros.parameters import QOS_OVERRIDES, build
 from binopos_ros.pipeline import make_platform
 from binopos_ros.report import Fates, Report
 from binopos_ros.sides import SIDES
 from binopos_ros.smoothing.parts import PARTS
 
-NODES = ('detector', 'triangulator', 'smoother')
 #: Rate of /clock, Hz, as in `ros2 bag play`.
 DEFAULT_CLOCK = 40.0
 
@@ -98,7 +98,7 @@ def main(arguments: argparse.Namespace) -> int:
         found, calibration = rig_of(reader, arguments)
         namespace = found.namespace or '/'
         parameters = live_parameters(arguments, arguments.bag, namespace)
-        nodes = [*NODES, *viewer_of(arguments)]
+        nodes = [*STAGES, *viewer_of(arguments)]
         for name in nodes:
             parameters.check(name)
         platform = make_platform(parameters.of_node('smoother'))
@@ -162,7 +162,7 @@ def _clock(arguments: argparse.Namespace, parameters: Parameters) -> float:
     if arguments.clock is not None:
         return float(arguments.clock)
     rate = parameters.of_node('smoother').get('output_rate') or 0.0
-    wanted = any(parameters.given(name).get('use_sim_time') for name in NODES)
+    wanted = any(parameters.given(name).get('use_sim_time') for name in STAGES)
     # A timer fires with the first tick after it is due.
     return max(DEFAULT_CLOCK, 2 * rate) if wanted or rate > 0 else 0.0
 

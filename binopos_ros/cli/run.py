@@ -9,9 +9,9 @@ import time
 
 from binopos_ros.cli.config import add_config_argument, layers, live_parameters, ros_words
 from binopos_ros.cli.supervisor import Supervisor, add_supervisor_arguments, viewer_of
+from binopos_ros.node_options import LIVE
 from binopos_ros.nodes.ros import require_ros
 
-NODES = ('camera', 'detector', 'triangulator', 'smoother')
 POLL = 0.1
 
 
@@ -22,10 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--nodes',
         nargs='+',
-        choices=NODES,
-        default=NODES,
+        choices=LIVE,
+        default=LIVE,
         metavar='NODE',
-        help=f'run only these of {", ".join(NODES)}, beside a camera driver of your own for one',
+        help=f'run only these of {", ".join(LIVE)}, beside a camera driver of your own for one',
     )
 
 

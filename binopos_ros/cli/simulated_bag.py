@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from binopos_ros.bag import BagWriter, messages
 from binopos_ros.bag.results import pose_with_covariance
+from binopos_ros.bag.rig_topics import NAMESPACE
 from binopos_ros.cli.simulated_platform import SimulatedPlatform
 from binopos_ros.optics import CameraInfo
 from binopos_ros.optics.rig_files import camera_infos_from_stereo
@@ -27,7 +28,6 @@ from binopos_ros.simulation.sensor import bytes_per_pixel
 
 Array = NDArray[np.float64]
 
-NAMESPACE = '/stereo'
 FRAMES = ('left_camera_optical_frame', 'right_camera_optical_frame')
 #: Part of the seed that is the odometry's.
 ODOMETRY = 99

@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from binopos_ros.capture.transport import TRANSPORTS_VARIABLE, full_memory_notice
+from binopos_ros.cli import USAGE_ERROR
 from binopos_ros.cli.pulse import Pulse
 from binopos_ros.cli.transport import transport_environment
 from binopos_ros.nodes.supervised import HEARTBEAT, STARTER, SUPERVISED
@@ -29,7 +30,6 @@ RECOVERED = 20.0
 SETTLED = 5.0
 #: Seconds that a node has to end after SIGTERM.
 PATIENCE = 4.0
-USAGE_ERROR = 2
 
 
 @dataclass

@@ -17,9 +17,9 @@ from rclpy.parameter import Parameter
 from binopos_ros.capture.controls import Control
 from binopos_ros.capture.errors import CaptureError
 from binopos_ros.capture.recovery import SteadyCamera
+from binopos_ros.parameters import CONTROLS
 
 LEAVE_ALONE = -1
-INFIX = '.controls.'
 _TYPES = {'string': ParameterType.PARAMETER_STRING}
 
 
@@ -41,7 +41,7 @@ class ControlParameters:
         """The values that the user set for a side's controls at the start."""
         values = {}
         for name, parameter in self._node._parameter_overrides.items():
-            where, infix, control = name.partition(INFIX)
+            where, infix, control = name.partition(CONTROLS)
             if where == side and infix:
                 if parameter.value != LEAVE_ALONE:
                     values[control] = parameter.value
@@ -61,7 +61,7 @@ class ControlParameters:
             return
         self._described[side] = controls
         for control in controls.values():
-            name = f'{side}{INFIX}{control.name}'
+            name = f'{side}{CONTROLS}{control.name}'
             descriptor = _descriptor(name, control)
             if not self._node.has_parameter(name):
                 default = '' if control.kind == 'string' else LEAVE_ALONE
@@ -92,7 +92,7 @@ class ControlParameters:
             control = self._control(parameter.name)
             if control is None:
                 continue
-            camera = self._cameras[parameter.name.partition(INFIX)[0]]
+            camera = self._cameras[parameter.name.partition(CONTROLS)[0]]
             if parameter.value in (LEAVE_ALONE, ''):
                 camera.leave_control(control.name)
                 continue
@@ -102,7 +102,7 @@ class ControlParameters:
                 self._report(f'{parameter.name} is not in force: {error}')
 
     def _control(self, name: str) -> Control | None:
-        side, _, control = name.partition(INFIX)
+        side, _, control = name.partition(CONTROLS)
         return self._described.get(side, {}).get(control)
 
 

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+from binopos_ros.node_options import STAGES
 from binopos_ros.nodes.diagnostics import PAIRS, PAIRS_USED
 from binopos_ros.nodes.neighbours import publishers_of
 from binopos_ros.nodes.shell import every_message
@@ -21,7 +22,6 @@ from binopos_ros.report import Report, Track, pose_text
 #: What must be published and subscribed to before the suite passes anything through.
 CHAIN = ('left/centroid', 'right/centroid', 'target/position')
 #: The nodes that pairs pass through, in this order.
-STAGES = ('detector', 'triangulator', 'smoother')
 
 
 class Monitor(Node):

@@ -12,6 +12,17 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from binopos_ros.bag import BagError
 from binopos_ros.bag.definitions import Definition, definition_of, installed_definition
+from binopos_ros.bag.messages import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    ODOMETRY,
+    POSE,
+    POSE_WITH_COVARIANCE,
+    STATUS,
+    TF,
+    VECTOR3,
+)
 from binopos_ros.bag.recording import RecorderOptions, Recording
 from binopos_ros.nodes.diagnostics import StageDiagnostics
 from binopos_ros.nodes.hearing import Hearing
@@ -23,32 +34,29 @@ from binopos_ros.nodes.snapshot import Snapshot
 from binopos_ros.nodes.triggers import offer_triggers
 from binopos_ros.sides import SIDES
 
-POSE = 'geometry_msgs/msg/PoseWithCovarianceStamped'
-#: Which no wheel has: where it is not installed, transforms are heard of and not recorded.
-TFMESSAGE = 'tf2_msgs/msg/TFMessage'
 #: The suite's topics, relative to the node's namespace, and their types.
 SUITE = {
     f'{side}/{topic}': kind
     for side in SIDES
     for topic, kind in (
-        ('image_raw/compressed', 'sensor_msgs/msg/CompressedImage'),
-        ('image_raw', 'sensor_msgs/msg/Image'),
-        ('camera_info', 'sensor_msgs/msg/CameraInfo'),
-        ('centroid', POSE),
+        ('image_raw/compressed', COMPRESSED_IMAGE),
+        ('image_raw', IMAGE),
+        ('camera_info', CAMERA_INFO),
+        ('centroid', POSE_WITH_COVARIANCE),
     )
 } | {
-    'target/position': POSE,
-    'target/systematic': POSE,
-    'target/medium': POSE,
-    'target/refractive_index': 'geometry_msgs/msg/Vector3Stamped',
-    'target/pose': POSE,
-    'target/odometry': 'nav_msgs/msg/Odometry',
-    'target/pose_stamped': 'geometry_msgs/msg/PoseStamped',
-    'target/health': 'diagnostic_msgs/msg/DiagnosticStatus',
+    'target/position': POSE_WITH_COVARIANCE,
+    'target/systematic': POSE_WITH_COVARIANCE,
+    'target/medium': POSE_WITH_COVARIANCE,
+    'target/refractive_index': VECTOR3,
+    'target/pose': POSE_WITH_COVARIANCE,
+    'target/odometry': ODOMETRY,
+    'target/pose_stamped': POSE,
+    'target/health': STATUS,
     'target/markers': 'visualization_msgs/msg/MarkerArray',
-    'platform/odometry': 'nav_msgs/msg/Odometry',
-    '/tf': TFMESSAGE,
-    '/tf_static': TFMESSAGE,
+    'platform/odometry': ODOMETRY,
+    '/tf': TF,
+    '/tf_static': TF,
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
 }
 #: Seconds between looks at what is published.
@@ -83,7 +91,8 @@ class RecorderNode(StageNode):
         self._sides = {self.resolve_topic_name(f'{side}/camera_info'): side for side in SIDES}
         for topic, type_name in SUITE.items():
             full_name = self.resolve_topic_name(topic)
-            if type_name == TFMESSAGE and installed_class(type_name) is None:
+            # No wheel has it: without it, transforms are heard of and not recorded.
+            if type_name == TF and installed_class(type_name) is None:
                 continue
             if settings.wants(full_name, self._wanted):
                 # Before anybody publishes, so that nothing is missed while it is found.

@@ -42,6 +42,7 @@ from rclpy.timer import Timer
 
 from binopos_ros.nodes.losses import Counted
 from binopos_ros.parameters import (
+    QOS_OVERRIDES,
     ParameterError,
     ParameterSpec,
     UnfinishedError,
@@ -61,7 +62,6 @@ POLICIES = (
     QoSPolicyKind.RELIABILITY,
     QoSPolicyKind.DURABILITY,
 )
-QOS_OVERRIDES = 'qos_overrides.'
 
 _TYPES = {
     bool: Parameter.Type.BOOL,

@@ -16,12 +16,12 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo
 
-from binopos_ros.node_options import OF_ROS, QOS_OVERRIDES
+from binopos_ros.node_options import LIVE, OF_ROS
 from binopos_ros.nodes.shell import StageNode, is_empty_list
 from binopos_ros.optics.camera_info_files import write_camera_info
 from binopos_ros.optics.camera_info_message import read_camera_info_message
+from binopos_ros.parameters import QOS_OVERRIDES
 
-NODES = ('camera', 'detector', 'triangulator', 'smoother')
 COVARIANCE = 'calibration_covariance'
 #: Seconds between looks for nodes whose parameters are not known, or have changed.
 PERIOD = 0.5
@@ -73,7 +73,7 @@ class Snapshot:
             f'{namespace.rstrip("/")}/{name}'
             for name, namespace in self._node.get_node_names_and_namespaces()
         }
-        for name in NODES:
+        for name in LIVE:
             full_name = f'{self._namespace}/{name}'
             if full_name in present and full_name not in self._asked:
                 self._ask(full_name)
