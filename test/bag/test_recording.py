@@ -79,6 +79,20 @@ def test_a_finished_recording_holds_everything(tmp_path: Path) -> None:
     assert len(list((tmp_path / 'bag').glob('*.mcap'))) == 5
 
 
+def test_a_new_file_begins_after_the_longest_duration(tmp_path: Path) -> None:
+    recording = Recording(RecorderOptions(bag=str(tmp_path / 'bag'), max_bag_duration=2.0))
+    recording.add_topic('/a', STRING)
+    for number in range(50):
+        assert recording.write('/a', number * 10**8, bytes(4))
+    recording.close()
+    files = sorted((tmp_path / 'bag').glob('*.mcap'))
+    spans = []
+    for file in files:
+        with BagReader(file) as reader:
+            spans.append((reader.start_ns / 1e9, reader.end_ns / 1e9))
+    assert spans == [(0.0, 1.9), (2.0, 3.9), (4.0, 4.9)]
+
+
 def test_a_flood_of_messages_does_not_hold_up_the_flush(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
