@@ -11,8 +11,6 @@ from binopos_ros.view.dive import Dive
 from binopos_ros.view.dive_page import dive_page
 from binopos_ros.view.story import tell
 
-HELP = 'write one page about a dive: its path, how sure it is, what happened'
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments."""
