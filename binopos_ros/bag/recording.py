@@ -140,6 +140,7 @@ class Recording:
 
     def __init__(self, options: RecorderOptions) -> None:
         self._options = options
+        self._span = (0, 0)
         self._single = options.bag.endswith('.mcap')
         self._writer = BagWriter(
             options.bag,
@@ -234,6 +235,17 @@ class Recording:
         self._queue.put(None)
         self._thread.join()
 
+    @property
+    def duration(self) -> float:
+        """From the first message that was written to the last, s."""
+        first, last = self._span
+        return max(last - first, 0) * 1e-9
+
+    @property
+    def free_space(self) -> int:
+        """What is left on the bag's disk, bytes."""
+        return shutil.disk_usage(self._writer.path.absolute().parent).free
+
     def _put(self, message: _Message) -> bool:
         with self._lock:
             if self.failure or self._waiting + len(message.data) > self._most_waiting:
@@ -293,12 +305,13 @@ class Recording:
                     self._waiting -= len(item.data)
                 self._writer.write(item.topic, item.stamp_ns, item.data)
                 self.written += 1
+                self._span = (self._span[0] or item.stamp_ns, item.stamp_ns)
 
     def _check_free_space(self) -> None:
         least = self._options.min_free_space
         if not least:
             return
-        free = shutil.disk_usage(self._writer.path.absolute().parent).free
+        free = self.free_space
         if free < least:
             message = (
                 f'{self._options.bag}: {free >> 20} MiB are left on its disk, less than the '

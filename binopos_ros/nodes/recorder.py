@@ -230,6 +230,8 @@ class RecorderNode(StageNode):
             'Bag': self._settings.bag,
             'State': 'paused' if self._recording.paused else 'recording',
             'Topics': len(self._recorded),
+            'Recorded (s)': f'{self._recording.duration:.1f}',
+            'Free space (GB)': f'{self._recording.free_space / 1e9:.3f}',
             **{f'Lost {topic}': count for topic, count in sorted(self._lost.items())},
         }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from rclpy.parameter import Parameter
@@ -17,7 +18,10 @@ from binopos_ros.nodes.onlooker import Onlooker
 from binopos_ros.nodes.pictures import Pictures
 from binopos_ros.nodes.running import run
 from binopos_ros.nodes.shell import StageNode, sensor_data
+from binopos_ros.nodes.triggers import offer_triggers
 from binopos_ros.nodes.viewer_buttons import Buttons
+from binopos_ros.nodes.viewer_recording import Recordings
+from binopos_ros.nodes.viewer_stills import Stills
 from binopos_ros.sides import SIDES
 from binopos_ros.view.encoding import encoded_picture
 from binopos_ros.view.errors import ViewError
@@ -41,7 +45,17 @@ class ViewerNode(StageNode):
         self._look = Look()
         self._diagnostics = StageDiagnostics(self, 'operator', self._details)
         self._diagnostics.idle = 'nobody looks'
+        folder = Path(options.folder or '.').absolute()
+        self._stills = Stills(folder / 'stills')
+        self._recordings = Recordings(self, folder)
         self._buttons = Buttons(self) if options.buttons else None
+        if options.buttons:
+            controls = {
+                'start_recording': self._recordings.start,
+                'stop_recording': self._recordings.stop,
+                'save_still': self._stills.save,
+            }
+            offer_triggers(self, controls)
         self._ears = Onlooker(self, 'viewer_ears', self._hear)
         self._eyes = Onlooker(self, 'viewer_eyes', self._see)
         self._next_raw = dict.fromkeys(SIDES, 0.0)
@@ -56,6 +70,7 @@ class ViewerNode(StageNode):
             self._server.close()
             self._ears.close()
             self._eyes.close()
+            self._recordings.close()
         super().destroy_node()
 
     def about(self) -> Mapping[str, Any]:
@@ -109,6 +124,8 @@ class ViewerNode(StageNode):
 
     def _take(self, topic: str, message: Any) -> None:
         self._count(topic)
+        if isinstance(message, CameraInfo):
+            self._stills.camera_info(topic.partition('/')[0], message)
         self._server.post(self._server.screen.take, topic, message, self.instant())
 
     def _picture(self, side: str, message: bytes | Image) -> None:
@@ -123,6 +140,7 @@ class ViewerNode(StageNode):
         except (ViewError, DetectionError) as error:
             self._diagnostics.drop(f'{side}: {error}')
             return
+        self._stills.picture(picture)
         self._server.post(self._server.show, picture)
 
     def _count(self, topic: str) -> None:

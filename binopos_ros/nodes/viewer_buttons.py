@@ -30,9 +30,14 @@ BUTTONS: Mapping[str, Button] = {
     'reset': Button('Reset filter', 'smoother/reset', Trigger, Trigger.Request(), 'r'),
     'detect': Button('Detector on', 'detector/enable', SetBool, SetBool.Request(data=True), 'd'),
     'rest': Button('Detector off', 'detector/enable', SetBool, SetBool.Request(data=False), 'o'),
-    'record': Button('Record', 'recorder/resume', Trigger, Trigger.Request(), 'c'),
-    'pause': Button('Pause recording', 'recorder/pause', Trigger, Trigger.Request(), 'x'),
-    'snapshot': Button('Write snapshot', 'recorder/snapshot', Trigger, Trigger.Request(), 's'),
+    'record': Button('Start recording', 'viewer/start_recording', Trigger, Trigger.Request(), 'c'),
+    'stop': Button('Stop recording', 'viewer/stop_recording', Trigger, Trigger.Request(), 'x'),
+    'pause': Button('Pause recording', 'recorder/pause', Trigger, Trigger.Request(), 'z'),
+    'resume': Button('Resume recording', 'recorder/resume', Trigger, Trigger.Request(), 'v'),
+    'snapshot': Button(
+        'Write the last seconds', 'recorder/snapshot', Trigger, Trigger.Request(), 's'
+    ),
+    'still': Button('Save a still pair', 'viewer/save_still', Trigger, Trigger.Request(), 'i'),
 }
 
 

@@ -27,6 +27,12 @@ class ViewerOptions:
     buttons: bool = option(
         True, 'let viewers press buttons; without, the page only shows', read_only=True
     )
+    folder: str = option(
+        '',
+        'where recordings and still pairs go that are asked for on the page; empty: the folder '
+        'that the viewer was started in',
+        read_only=True,
+    )
     picture_rate: float = option(
         30.0, 'pictures per second, camera and viewer at the most', 'Hz', (0.1, 1000.0)
     )

@@ -12,6 +12,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from std_srvs.srv import Trigger
 from websockets.asyncio.client import connect
 
+from binopos_ros.bag import BagReader
 from binopos_ros.detection.images import decode_jpeg
 from binopos_ros.view.wire import read_picture_frame
 
@@ -60,7 +61,14 @@ class Browser:
         self._loop.close()
 
 
-def test_viewers_get_what_is_published_while_they_look(start, peer):
+def press(peer, browser, name):
+    browser.texts.pop('answer', None)
+    browser.send(type='press', name=name)
+    peer.wait_for(lambda: 'answer' in browser.texts, f'the answer to {name}')
+    return browser.texts['answer']['well'], browser.texts['answer']['text']
+
+
+def test_viewers_get_what_is_published_while_they_look(start, peer, tmp_path):
     poses = peer.publisher(PoseWithCovarianceStamped, 'target/pose')
     pictures = peer.publisher(CompressedImage, 'left/image_raw/compressed')
     raw = peer.publisher(Image, 'right/image_raw')
@@ -72,7 +80,7 @@ def test_viewers_get_what_is_published_while_they_look(start, peer):
         return response
 
     peer.node.create_service(Trigger, 'smoother/reset', on_reset)
-    node = start('viewer', parameters={'viewer': {'port': 0}})
+    node = start('viewer', parameters={'viewer': {'port': 0, 'folder': str(tmp_path)}})
     address = node.process.stdout.readline().split()[-1]
     # Nobody looks: nothing is heard.
     assert (poses.get_subscription_count(), pictures.get_subscription_count()) == (0, 0)
@@ -112,15 +120,28 @@ def test_viewers_get_what_is_published_while_they_look(start, peer):
         assert pixels.shape == (48, 64, 3)
         assert abs(int(pixels.mean()) - 90) <= 1
 
-        browser.send(type='press', name='reset')
-        peer.wait_for(lambda: 'answer' in browser.texts, 'the answer to a button')
+        assert press(peer, browser, 'reset') == (True, 'the target was forgotten')
         assert called == ['reset']
-        answer = browser.texts.pop('answer')
-        assert (answer['well'], answer['text']) == (True, 'the target was forgotten')
-        browser.send(type='press', name='record')
-        peer.wait_for(lambda: 'answer' in browser.texts, 'the answer to another')
-        assert not browser.texts['answer']['well']
-        assert 'no recorder runs' in browser.texts['answer']['text']
+        assert press(peer, browser, 'pause') == (
+            False,
+            'no recorder runs here; start one, then press again',
+        )
+        # A still pair: both pictures of one instant, as they came.
+        grey.header.stamp = picture.header.stamp
+        pictures.publish(picture)
+        raw.publish(grey)
+        well, told = press(peer, browser, 'still')
+        while not well:
+            pictures.publish(picture)
+            raw.publish(grey)
+            picture.header.stamp.sec += 1
+            grey.header.stamp = picture.header.stamp
+            well, told = press(peer, browser, 'still')
+        (left,) = (tmp_path / 'stills' / 'left').iterdir()
+        (right,) = (tmp_path / 'stills' / 'right').iterdir()
+        assert left.read_bytes() == JPEG
+        assert left.name == right.name
+        assert str(tmp_path / 'stills') in told
     finally:
         browser.close()
     peer.wait_for(
@@ -128,3 +149,34 @@ def test_viewers_get_what_is_published_while_they_look(start, peer):
         'the end of the subscriptions',
     )
     assert node.end() == (0, '')
+
+
+def test_a_recording_is_begun_and_ended_on_the_page(start, peer, tmp_path):
+    poses = peer.publisher(PoseWithCovarianceStamped, 'target/pose')
+    node = start('viewer', parameters={'viewer': {'port': 0, 'folder': str(tmp_path)}})
+    browser = Browser(node.process.stdout.readline().split()[-1])
+
+    def recorder():
+        poses.publish(PoseWithCovarianceStamped())
+        return browser.texts.get('state', {}).get('recorder')
+
+    try:
+        well, told = press(peer, browser, 'record')
+        assert well, told
+        peer.wait_for(lambda: recorder() and recorder()['duration'] > 0, 'the recorder')
+        said = recorder()
+        assert said['state'] == 'recording'
+        assert said['bag'] in told
+        assert said['free'] > 0
+        assert press(peer, browser, 'record') == (
+            False,
+            'a recorder runs already: stop it first',
+        )
+        assert press(peer, browser, 'stop')[0]
+        # Pressed again, it says that none runs, once the recorder has ended.
+        peer.wait_for(lambda: not press(peer, browser, 'stop')[0], 'the end of the recorder')
+    finally:
+        browser.close()
+    assert node.end()[0] == 0
+    with BagReader(said['bag']) as bag:
+        assert bag.topics['/stereo/target/pose'].count > 0
