@@ -22,11 +22,12 @@ check: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# Figures of speed and accuracy, each beside a peer in the same run; twenty minutes.
+# Figures of speed and accuracy, each beside a peer in the same run; half an hour.
 bench: $(VENV)/ready
 	$(BIN)/pip install --quiet -r requirements-bench.txt
 	for name in optics/speed triangulation/index detection/speed smoothing/speed bag/libraries \
-		simulation/rendering platform/speed platform/target pipeline live; do \
+		simulation/rendering platform/speed platform/target calibration/peers calibration/lenses \
+		calibration/doubled pipeline live; do \
 		echo "== bench/$$name.py"; $(BIN)/python bench/$$name.py || exit 1; done
 
 # The part of `make test` on real camera drivers, in a virtual machine; it installs QEMU.

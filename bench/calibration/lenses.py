@@ -1,7 +1,7 @@
 """Is the lens model right? Rigs of narrow lenses of five terms and of wide equidistant ones.
 
-python bench/calibration/lenses.py                     50 rigs of each kind; half an hour
-python bench/calibration/lenses.py --rigs 5            fewer
+python bench/calibration/lenses.py                     3 rigs of each kind; a minute
+python bench/calibration/lenses.py --rigs 50           what docs/calibration.md has; half an hour
 python bench/calibration/lenses.py --results FILE      go on where an earlier run has ended
 
 The lens is right where it is Brown's for a Brown lens and another for a wide one, every good pair
@@ -89,7 +89,7 @@ def table(found: dict[str, dict[str, float]], rigs: int) -> str:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--rigs', type=int, default=50)
+    parser.add_argument('--rigs', type=int, default=3)
     parser.add_argument('--results', type=Path, help='keeps the rigs that were done')
     arguments = parser.parse_args()
     kept: Path | None = arguments.results
