@@ -27,7 +27,7 @@ bench: $(VENV)/ready
 	$(BIN)/pip install --quiet -r requirements-bench.txt
 	for name in optics/speed triangulation/index detection/speed smoothing/speed bag/libraries \
 		simulation/rendering platform/speed platform/target calibration/peers calibration/lenses \
-		calibration/doubled pipeline live; do \
+		calibration/doubled pipeline live view; do \
 		echo "== bench/$$name.py"; $(BIN)/python bench/$$name.py || exit 1; done
 
 # The part of `make test` on real camera drivers, in a virtual machine; it installs QEMU.

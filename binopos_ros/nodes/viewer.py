@@ -22,6 +22,7 @@ from binopos_ros.nodes.triggers import offer_triggers
 from binopos_ros.nodes.viewer_buttons import Buttons
 from binopos_ros.nodes.viewer_recording import Recordings
 from binopos_ros.nodes.viewer_stills import Stills
+from binopos_ros.nodes.viewer_surface import Surface
 from binopos_ros.sides import SIDES
 from binopos_ros.view.encoding import encoded_picture
 from binopos_ros.view.errors import ViewError
@@ -30,6 +31,9 @@ from binopos_ros.view.screen import TOPICS, Instant
 from binopos_ros.view.server import PageServer
 from binopos_ros.view.source import Answer, Look
 from binopos_ros.view.wire import serialized_picture
+
+#: Seconds between questions for the surface.
+SURFACE_PERIOD = 1.0
 
 
 class ViewerNode(StageNode):
@@ -46,6 +50,8 @@ class ViewerNode(StageNode):
         self._diagnostics = StageDiagnostics(self, 'operator', self._details)
         self._diagnostics.idle = 'nobody looks'
         folder = Path(options.folder or '.').absolute()
+        self._surface = Surface(self)
+        self.every(SURFACE_PERIOD, self._look_at_surface)
         self._stills = Stills(folder / 'stills')
         self._recordings = Recordings(self, folder)
         self._buttons = Buttons(self) if options.buttons else None
@@ -83,8 +89,8 @@ class ViewerNode(StageNode):
         return Instant(time.monotonic(), self.get_clock().now().nanoseconds * 1e-9)
 
     def more(self) -> Mapping[str, Any]:
-        """As `Source`."""
-        return {}
+        """As `Source`: the surface."""
+        return self._surface.told
 
     def look(self, look: Look) -> None:
         """As `Source`."""
@@ -99,6 +105,10 @@ class ViewerNode(StageNode):
             answer(False, 'buttons are switched off' if self._buttons is None else 'not known')
             return
         self._buttons.press(str(request.get('name')), answer)
+
+    def _look_at_surface(self) -> None:
+        if self._look.numbers:
+            self._surface.ask()
 
     def _configure(self, options: ViewerOptions) -> None:
         self._server.post(self._server.configure, options)

@@ -38,6 +38,8 @@ TOPICS = {
 CURVE_PERIOD, CURVE_LENGTH = 0.1, 120.0
 #: s after which a distance or a mark is of the past.
 STALE = 1.0
+#: s; less than any picture takes.
+INSTANTLY = 1e-5
 #: s; the smoother tells the target's health twice per second.
 UNTOLD = 1.5
 
@@ -161,7 +163,9 @@ class Screen:
         if self.timeline.stamp(instant.wall, stamp):
             self.reset()
         self._pose = _Pose(instant.now, stamp, str(message.header.frame_id), position, covariance)
-        self._pace.add(instant.now, instant.wall - stamp * 1e-9)
+        late = instant.wall - stamp * 1e-9
+        # What was processed afterwards is written at its own stamps: it took no time.
+        self._pace.add(instant.now, late if abs(late) > INSTANTLY else math.nan)
         if instant.now >= self._next_point:
             self._next_point = instant.now + CURVE_PERIOD
             latency = self._pace.latency(instant.now)[0]

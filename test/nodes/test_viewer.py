@@ -8,6 +8,8 @@ import threading
 
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import CompressedImage, Image
 from std_srvs.srv import Trigger
 from websockets.asyncio.client import connect
@@ -79,7 +81,16 @@ def test_viewers_get_what_is_published_while_they_look(start, peer, tmp_path):
         response.success, response.message = True, 'the target was forgotten'
         return response
 
+    def on_parameters(request, response):
+        values = {
+            'interface.normal': ParameterValue(type=8, double_array_value=[0.0, 0.0, 1.0]),
+            'interface.distance': ParameterValue(type=3, double_value=0.8),
+        }
+        response.values = [values[name] for name in request.names]
+        return response
+
     peer.node.create_service(Trigger, 'smoother/reset', on_reset)
+    peer.node.create_service(GetParameters, 'triangulator/get_parameters', on_parameters)
     node = start('viewer', parameters={'viewer': {'port': 0, 'folder': str(tmp_path)}})
     address = node.process.stdout.readline().split()[-1]
     # Nobody looks: nothing is heard.
@@ -120,6 +131,9 @@ def test_viewers_get_what_is_published_while_they_look(start, peer, tmp_path):
         assert pixels.shape == (48, 64, 3)
         assert abs(int(pixels.mean()) - 90) <= 1
 
+        peer.wait_for(lambda: 'surface' in browser.texts['state'], 'the surface')
+        surface = browser.texts['state']['surface']
+        assert surface == {'normal': [0.0, 0.0, 1.0], 'distance': 0.8}
         assert press(peer, browser, 'reset') == (True, 'the target was forgotten')
         assert called == ['reset']
         assert press(peer, browser, 'pause') == (
