@@ -157,6 +157,16 @@ def test_in_a_fixed_frame_positions_wait_for_the_robot_and_a_target_at_rest_stan
         assert message.header.frame_id == 'odom'
         np.testing.assert_allclose(position_of(message), [0.2, 0.1, 1.7], atol=1e-6)
     np.testing.assert_array_equal(position_of(plain[-1]), position_of(poses[-1]))
+    # A bag that is played in a loop: all begins again, an hour earlier.
+    poses.clear()
+    hour = 3600 * 10**9
+    for k in range(3):
+        odometry.publish(robot(k * PERIOD - hour, 0.01 * k))
+    # All that is older than the robot's newest is known to be of the past.
+    positions.publish(pose_message(PERIOD // 2 - hour, 'left', (0.2, 0.095, 1.2), COVARIANCE))
+    peer.wait_for(lambda: bool(poses), 'a pose of the next round')
+    assert stamp_of(poses[0]) == PERIOD // 2 - hour
+    np.testing.assert_allclose(position_of(poses[0]), [0.2, 0.1, 1.7], atol=1e-6)
 
 
 def test_what_gets_no_pose_of_the_robot_is_dropped_with_its_reason(start, peer):
