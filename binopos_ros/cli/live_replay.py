@@ -29,7 +29,10 @@ from binopos_ros.report import Report
 
 #: Seconds for the nodes to come up and find each other.
 START = 30.0
-#: Seconds for their connections to settle once all of them are seen.
+#: Seconds from then on for every subscription to be connected; one that asks for another quality
+#: of service than is offered never is.
+CONNECT = 5.0
+#: Seconds for what the nodes do not tell of to settle.
 SETTLE = 0.5
 #: Silence, in seconds, after which nothing more is expected of nodes that hold no pair.
 #: Diagnostics come at 1 Hz.
@@ -137,16 +140,20 @@ class Replay:
     def _wait_for_nodes(self, executor: Executor, monitor: Monitor, supervisor: Supervisor) -> str:
         """Spin until the nodes are connected; '' or why they are not."""
         deadline = time.monotonic() + START
+        seen: float | None = None
         settled: float | None = None
         while not self.interrupted and (settled is None or time.monotonic() < settled):
             executor.spin_once(timeout_sec=0.05)
             if problem := supervisor.poll():
                 return problem
-            missing = monitor.missing()
-            if missing and time.monotonic() > deadline:
-                return f'the nodes did not connect within {START:g} s: {", ".join(missing)}'
-            if not missing and settled is None:
-                settled = time.monotonic() + SETTLE
+            now = time.monotonic()
+            if missing := monitor.missing():
+                if now > deadline:
+                    return f'the nodes did not connect within {START:g} s: {", ".join(missing)}'
+                continue
+            seen = seen or now
+            if settled is None and (not monitor.unreached() or now > seen + CONNECT):
+                settled = now + SETTLE
         return monitor.second_suite()
 
     def _watch(

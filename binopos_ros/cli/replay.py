@@ -38,6 +38,8 @@ from binopos_ros.report import Fates, Report
 from binopos_ros.sides import SIDES
 from binopos_ros.smoothing.parts import PARTS
 
+#: Kinds of topics that tell how the robot moves; what never moves is latched, and never lost.
+MOVING = ('odometry', 'transforms')
 #: Rate of /clock, Hz, as in `ros2 bag play`.
 DEFAULT_CLOCK = 40.0
 
@@ -144,7 +146,7 @@ def _lossless(namespace: str, bag: RigBag) -> list[str]:
         'detector': [topic for topic, role in offered.items() if role.is_image],
         'triangulator': [f'{namespace}/{side}/centroid' for side in SIDES],
         'smoother': [
-            *(topic for topic, role in offered.items() if role.kind == 'odometry'),
+            *(topic for topic, role in offered.items() if role.kind in MOVING),
             *(f'{namespace}/target/{part}' for part in ('position', *PARTS)),
         ],
     }

@@ -21,6 +21,8 @@ PERIOD = 1.0
 WINDOW = 10
 #: Keys of what became of pairs; the reasons of those that are lost come behind 'Pairs: '.
 PAIRS, PAIRS_USED = 'Pairs', 'Pairs used'
+#: Before the full name of a topic that the node publishes: how many subscriptions it reaches.
+REACHED = 'Subscribers of '
 
 
 class StageDiagnostics:
@@ -107,6 +109,7 @@ class StageDiagnostics:
             **({'Last drop': last_drop} if last_drop else {}),
             **{f'Lost {topic}': count for topic, count in sorted(self._node.lost.items())},
             **self._pair_values(),
+            **{f'{REACHED}{topic}': count for topic, count in self._node.reached().items()},
             'Input frequency (Hz)': f'{(now.received - oldest.received) / seconds:.3f}',
             'Actual frequency (Hz)': f'{(now.published - oldest.published) / seconds:.3f}',
             **(self._details() if self._details else {}),

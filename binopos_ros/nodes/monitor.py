@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 
 from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.node_options import STAGES
-from binopos_ros.nodes.diagnostics import PAIRS, PAIRS_USED
+from binopos_ros.nodes.diagnostics import PAIRS, PAIRS_USED, REACHED
 from binopos_ros.nodes.neighbours import publishers_of
 from binopos_ros.nodes.shell import every_message
 from binopos_ros.reasons import Ledger, count_reason
@@ -67,6 +67,18 @@ class Monitor(Node):
         if not self.count_publishers(self._full('target/pose')):
             unconnected.append('target/pose')
         return unconnected
+
+    def unreached(self) -> list[str]:
+        """Topics of the nodes that do not reach all who subscribe yet, by what the nodes say."""
+        if len(self._values) < len(STAGES):
+            return [f'diagnostics of the {node}' for node in STAGES if node not in self._values]
+        reached = {
+            key.removeprefix(REACHED): int(value)
+            for values in self._values.values()
+            for key, value in values.items()
+            if key.startswith(REACHED)
+        }
+        return [topic for topic, count in reached.items() if count < self.count_subscribers(topic)]
 
     def second_suite(self) -> str:
         """Whether more than one suite publishes the poses: '' or by whom."""

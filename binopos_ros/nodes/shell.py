@@ -85,6 +85,7 @@ class StageNode(Node):
         #: Messages that were sent to this node and never came, by topic.
         self.lost: Counter[str] = Counter()
         self._counted_topics: dict[str, Counted] = {}
+        self._offered: list[Publisher] = []
         self.add_pre_set_parameters_callback(self._with_kinds)
         self.add_on_set_parameters_callback(self._judge_change)
         self.add_post_set_parameters_callback(self._apply_change)
@@ -121,9 +122,19 @@ class StageNode(Node):
         Raises:
             ParameterError: an override cannot be used.
         """
-        return self._overridable(
+        made: Publisher = self._overridable(
             topic, self.create_publisher, message_type, topic, QoSProfile(depth=DEPTH)
         )
+        self._offered.append(made)
+        return made
+
+    def reached(self) -> dict[str, int]:
+        """How many subscriptions each topic of `publisher` reaches, by its full name.
+
+        The graph may know of more: connections are made after that, and what is published before
+        is lost on them.
+        """
+        return {each.topic_name: each.get_subscription_count() for each in self._offered}
 
     def subscription(
         self,
