@@ -63,6 +63,11 @@ def test_a_node_that_is_told_to_end_while_it_starts_says_nothing(start, start_up
         ),
         ('detector', {'min_diameter': 'small'}, 'min_diameter'),
         ('detector', {'min_diameter': 50.0, 'max_diameter': 20.0}, 'must not exceed'),
+        (
+            'detector',
+            {'qos_overrides./stereo/left/centroid.publisher.durability': 'transient-local'},
+            'qos_overrides./stereo/left/centroid',
+        ),
     ],
 )
 def test_a_bad_parameter_is_one_line_and_status_2(start, name, values, words):
