@@ -6,10 +6,12 @@ Modules are imported only when their verb is called, so that `binopos --help` ne
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from binopos_ros import __version__
 from binopos_ros.cli.leftovers import clear_leftovers
@@ -47,13 +49,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         verb_parser = verbs.add_parser(verb, help=help_line, description=help_line + '.')
         # Only the verb that was asked for is imported.
         if verb in words[:1]:
-            importlib.import_module(f'binopos_ros.cli.{verb}').add_arguments(verb_parser)
+            _module_of(verb).add_arguments(verb_parser)
     parsed = parser.parse_args(words)
     parsed.ros_arguments = ros_words
     clear_leftovers()
-    verb_module = importlib.import_module(f'binopos_ros.cli.{parsed.verb}')
     try:
-        return int(verb_module.main(parsed))
+        return int(_module_of(parsed.verb).main(parsed))
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
@@ -63,3 +64,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ValueError, OSError, RuntimeError) as error:
         print(f'binopos {parsed.verb}: {" ".join(str(error).split())}', file=sys.stderr)
         return USAGE_ERROR
+
+
+def _module_of(verb: str) -> Any:
+    """The verb's module; what comes with it stays, so that no garbage is looked for meanwhile."""
+    gc.disable()
+    try:
+        return importlib.import_module(f'binopos_ros.cli.{verb}')
+    finally:
+        gc.enable()

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Collection
 from dataclasses import dataclass
-from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -112,9 +112,15 @@ class Track:
             return Movement(sample, tuple(newest[1:]), start)
         swerve, noise = _swerve(*newest[:3])
         self._swerves.append(swerve)
-        usual = median(self._swerves) / MEDIAN_SQUARE
+        usual = _median(self._swerves) / MEDIAN_SQUARE
         acceleration = max(usual, swerve) - noise
         return Movement(sample, tuple(newest[1:]), max(acceleration, 0.0))
+
+
+def _median(values: Collection[float]) -> float:
+    """The middle one, or the mean of the two there; `statistics` takes a hundredth of a start."""
+    ordered, count = sorted(values), len(values)
+    return (ordered[(count - 1) // 2] + ordered[count // 2]) / 2
 
 
 def _swerve(now: Sample, before: Sample, first: Sample) -> tuple[float, float]:
