@@ -1,12 +1,13 @@
 """What the page costs: the viewer with 0, 1 and 3 pages open, and the latency of the pipeline.
 
-    python bench/view.py [--rate 30] [--seconds 10] [--rounds 3] [--json FILE]
+    python bench/view.py [--rate 30] [--seconds 10] [--rounds 3] [--browser] [--json FILE]
 
 Pictures of 1280 x 960 (JPEG, about 115 kB) of both sides, centroids and poses are published at a
 rate. The pages are WebSocket clients in this process, which take what they are sent and do not
 draw it. Processor time and memory are those of the viewer's process alone; the time to a page is
-from the pose's publication to the state that holds it. Then `binopos replay` plays the demo's bag
-with a page that looks and without one, in turns.
+from the pose's publication to the state that holds it. With --browser a page is shown in a
+headless Chromium as well. Then `binopos replay` plays the demo's bag with a page that looks and
+without one, in turns.
 """
 
 from __future__ import annotations
@@ -183,6 +184,37 @@ def cost(clients: int, rig: Rig, seconds: float) -> dict[str, Any]:
     }
 
 
+#: What a page shows within some milliseconds: pictures per second of one camera, and for each
+#: pose how old it was when it stood on the page, ms.
+SHOWN = """new Promise((done) => {
+  const pictures = new Set(), ages = [], begun = performance.now();
+  let newest = '';
+  (function look() {
+    pictures.add(binopos.eyes.left.shown?.stamp);
+    const stamp = binopos.page.state?.pose?.stamp;
+    if (stamp && stamp !== newest) { newest = stamp; ages.push(Date.now() - Number(stamp) / 1e6); }
+    if (performance.now() - begun < MILLISECONDS) requestAnimationFrame(look);
+    else done({pictures: pictures.size, ages});
+  })();
+})"""
+
+
+def in_browser(seconds: float) -> tuple[float, float]:
+    """Pictures per second of one camera on a page in Chromium, and the 99 % age of a pose, ms."""
+    sys.path.insert(0, str(PROJECT / 'test' / 'scenes'))
+    from browser import Browser
+
+    process, address = viewer()
+    browser = Browser()
+    browser.open(address)
+    browser.wait_for('window.binopos?.eyes.left.shown')
+    shown = browser.run(SHOWN.replace('MILLISECONDS', str(round(1000 * seconds))))
+    browser.close()
+    process.terminate()
+    process.wait()
+    return shown['pictures'] / seconds, float(np.percentile(shown['ages'], 99))
+
+
 def latency(looked_at: bool) -> tuple[float, float]:
     """Median and 99th percentile of a replay of the demo's bag, ms."""
     words = [sys.executable, '-m', 'binopos_ros', 'replay', 'bags/demo']
@@ -209,18 +241,24 @@ def main() -> None:
     parser.add_argument('--rate', type=float, default=30.0)
     parser.add_argument('--seconds', type=float, default=10.0)
     parser.add_argument('--rounds', type=int, default=3)
+    parser.add_argument('--browser', action='store_true', help='show a page in Chromium, too')
     parser.add_argument('--json', type=Path)
     arguments = parser.parse_args()
     os.environ.setdefault('ROS_DOMAIN_ID', '86')
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rig = Rig(arguments.rate)
     rows = [cost(clients, rig, arguments.seconds) for clients in CLIENTS]
+    seen = in_browser(arguments.seconds) if arguments.browser else None
     rig.close()
     print('pages  processor  memory  pictures/s and page  pose to page, p99')
     for row in rows:
         print(
             f'{row["pages"]:5d}  {row["processor_percent"]:7.1f} %  {row["memory_mb"]:3.0f} MB  '
             f'{row["pictures_per_second_and_page"]:19.1f}  {row["pose_to_page_p99_ms"]:14.0f} ms'
+        )
+    if seen is not None:
+        print(
+            f'in Chromium: {seen[0]:.1f} pictures/s and camera, poses {seen[1]:.0f} ms old (99 %)'
         )
     turns = [(latency(False), latency(True)) for _ in range(arguments.rounds)]
     for name, number in (('median', 0), ('99th percentile', 1)):

@@ -29,8 +29,9 @@ class Access:
     def refusal(self, path: str, headers: Mapping[str, str], *, guarded: bool) -> str:
         """Why a request is refused, '' where it is not; a token is for what is `guarded`."""
         host = headers.get('Host', '')
-        if not self._is_ours(host):
-            # A name that leads here only in the resolver of an attacker's victim.
+        if not self.token and not self._is_ours(host):
+            # A name that leads here only in the resolver of an attacker's victim, whose browser
+            # would take his page for ours. Where there is a token, he does not know it.
             return 'unknown host'
         origin = headers.get('Origin', '').lower()
         if origin and origin not in self._origins and urlsplit(origin).netloc != host.lower():

@@ -175,9 +175,11 @@ def test_it_shows_the_pose_as_it_goes_one_line_per_second(bag, ros_domain):
 
 
 def test_all_nodes_in_one_process_give_the_same_report(bag, ros_domain):
-    done = binopos('replay', bag, '--single-process', '--rate', '0.5', *EVERY)
+    view = ('--view', '--ros-args', '-p', 'viewer:port:=0')
+    done = binopos('replay', bag, '--single-process', '--rate', '0.5', *EVERY, *view)
     assert done.returncode == 0, done.stderr
     assert figure(done.stdout, 'poses') == str(PAIRS)
+    assert 'the page is served at http://127.0.0.1:' in done.stdout
 
 
 def test_a_bag_of_another_namespace_is_played_in_it(bag, ros_domain, tmp_path):

@@ -235,6 +235,10 @@ def test_others_need_the_token(serve):
     assert get(served.authority, f'/metrics?token={token}')[0] == 200
     assert get(served.authority, '/metrics', Authorization=f'Bearer {token}')[0] == 200
 
+    # By whatever name the network has for this machine.
+    named = get(served.authority, f'/metrics?token={token}', Host='robot.example:8470')
+    assert named[0] == 200
+
     async def knock(query):
         async with connect(f'ws://{served.authority}/ws{query}') as viewer:
             return json.loads(await viewer.recv())['type']
