@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from setuptools import Extension, find_packages, setup
 
 PACKAGE = 'binopos_ros'
+#: colcon puts scripts where `ros2 run` looks; pip would put them on everybody's PATH.
+BY_COLCON = bool({'install', 'develop'} & set(sys.argv))
 NODES = ('camera', 'detector', 'triangulator', 'smoother', 'player', 'recorder', 'viewer')
 
 setup(
@@ -30,6 +33,11 @@ setup(
             f'share/{PACKAGE}/config',
             sorted(str(path) for path in Path('config').iterdir() if path.is_file()),
         ),
+        (
+            f'share/{PACKAGE}/bags/demo',
+            sorted(str(path) for path in Path('bags/demo').iterdir() if path.is_file()),
+        ),
+        *([] if BY_COLCON else [(f'lib/{PACKAGE}', [f'resource/run/{node}' for node in NODES])]),
     ],
     install_requires=[
         'numpy>=1.26',
@@ -46,11 +54,12 @@ setup(
         # Built with every installation where it can be: nothing more has to be fetched.
         'fast': [],
         'reports': ['matplotlib>=3.8'],
+        'completion': ['argcomplete>=3'],
     },
     entry_points={
         'console_scripts': [
             f'binopos = {PACKAGE}.cli:main',
-            *(f'{node} = {PACKAGE}.nodes.executables:{node}' for node in NODES),
+            *(f'{node} = {PACKAGE}.nodes.executables:{node}' for node in NODES if BY_COLCON),
         ],
     },
     # Decodes the part of a JPEG that is looked at; without a compiler or the headers of

@@ -25,7 +25,7 @@ def source(tmp_path_factory: pytest.TempPathFactory, project: Path) -> Path:
     copy.mkdir(parents=True)
     for name in ('setup.py', 'setup.cfg', 'pyproject.toml', 'package.xml', 'README.md'):
         shutil.copy(project / name, copy)
-    for name in ('binopos_ros', 'config', 'resource'):
+    for name in ('binopos_ros', 'config', 'resource', 'bags'):
         shutil.copytree(project / name, copy / name, ignore=shutil.ignore_patterns('__pycache__'))
     return copy
 
@@ -93,7 +93,28 @@ def test_pip_installs_a_binopos_that_runs(source, tmp_path):
         check=True,
     )
     assert done.stdout.split() == ['binopos_ros', binopos_ros.__version__]
-    assert (prefix / 'share' / 'binopos_ros' / 'config' / 'fastdds.xml').is_file()
+    share = prefix / 'share' / 'binopos_ros'
+    assert (share / 'config' / 'fastdds.xml').is_file()
+    assert (share / 'bags' / 'demo' / 'metadata.yaml').is_file()
+    # Nodes are found by `ros2 run`, and lie on nobody's PATH.
+    assert {each.name for each in (prefix / 'bin').iterdir()} == {'binopos'}
+    nodes = {each.name: each for each in (prefix / 'lib' / 'binopos_ros').iterdir()}
+    assert set(nodes) == set(NODES)
+    assert all(os.access(each, os.X_OK) for each in nodes.values())
+    for words, said in (
+        (('doctor', '--print', 'systemd'), 'ExecStart='),
+        (('doctor', '--print', 'udev'), 'GROUP="video"'),
+        (('process', share / 'bags' / 'demo'), '-o/--output'),
+    ):
+        done = subprocess.run(
+            [str(prefix / 'bin' / 'binopos'), *map(str, words)],
+            env={**os.environ, 'PYTHONPATH': str(packages)},
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert said in done.stdout + done.stderr
     assert (packages / 'binopos_ros' / 'view' / 'page' / 'index.html').is_file()
 
 

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from binopos_ros import __version__
+from binopos_ros.cli.completion import asked_verb, complete
 from binopos_ros.cli.leftovers import clear_leftovers
 from binopos_ros.cli.parser import VerbParser, split_ros_arguments
 
@@ -48,8 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for verb, help_line in VERBS.items():
         verb_parser = verbs.add_parser(verb, help=help_line, description=help_line + '.')
         # Only the verb that was asked for is imported.
-        if verb in words[:1]:
+        if verb in (*words[:1], asked_verb(os.environ)):
             _module_of(verb).add_arguments(verb_parser)
+    complete(parser)
     parsed = parser.parse_args(words)
     parsed.ros_arguments = ros_words
     clear_leftovers()

@@ -17,6 +17,7 @@ from binopos_ros.capture.usb import Camera
 from binopos_ros.cli import machine
 from binopos_ros.cli.config import add_config_argument, parameters_of
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
+from binopos_ros.cli.installation import SYSTEMD_UNIT, UDEV_RULES, needed
 from binopos_ros.cli.terminal import fitted
 from binopos_ros.optics import stereo_contradictions, stereo_from_camera_infos
 from binopos_ros.optics.camera_info_url import name_fault, read_calibration
@@ -24,6 +25,7 @@ from binopos_ros.optics.errors import OpticsError
 from binopos_ros.parameters import CONTROLS, build
 from binopos_ros.sides import SIDES
 
+PRINTED = {'udev': UDEV_RULES, 'systemd': SYSTEMD_UNIT}
 FEWEST_FRAMES = 0.9
 """Share of the frame rate that a camera must reach."""
 
@@ -37,10 +39,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=2.0,
         help='how long to stream from the cameras of the rig (default: %(default)s)',
     )
+    parser.add_argument(
+        '--print',
+        choices=PRINTED,
+        help='print the udev rule for cameras, or a systemd unit for `binopos run`, and no more',
+    )
 
 
 def main(arguments: argparse.Namespace) -> int:
     """Print the findings; 1 where something has to be mended, else 0."""
+    if arguments.print:
+        print(needed(PRINTED[arguments.print]).read_text(encoding='utf-8'), end='')
+        return 0
     options = None
     if arguments.config or arguments.ros_arguments:
         values = parameters_of(arguments).of_node('camera')

@@ -13,14 +13,16 @@ from binopos_ros.capture.transport import (
     user_profile,
     uses_fast_dds,
 )
-from binopos_ros.capture.usb import UDEV_RULE, Camera
+from binopos_ros.capture.usb import Camera
 from binopos_ros.cli.findings import FAULT, NOTE, OK, WARNING, Finding
+from binopos_ros.cli.installation import UDEV_RULES
 from binopos_ros.detection import decoders
 from binopos_ros.nodes.ros import REMEDY, is_installed
 
 UDEV_REMEDY = (
-    f'sudo cp {UDEV_RULE} /etc/udev/rules.d/ && sudo udevadm control --reload && '
-    'sudo udevadm trigger; sudo usermod -aG video $USER and log in again'
+    f'binopos doctor --print udev | sudo tee /etc/udev/rules.d/{UDEV_RULES.name} && '
+    'sudo udevadm control --reload && sudo udevadm trigger; sudo usermod -aG video $USER and log '
+    'in again'
 )
 LAST_DOMAIN = 101
 """Higher ROS domains collide with the ports that Linux hands out by itself."""

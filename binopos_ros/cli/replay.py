@@ -20,6 +20,7 @@ from binopos_ros.cli.config import (
     ros_words,
     told_sources,
 )
+from binopos_ros.cli.installation import DEMO_BAG, needed
 from binopos_ros.cli.rig_bag import RigBag
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
 from binopos_ros.cli.supervisor import (
@@ -46,7 +47,11 @@ DEFAULT_CLOCK = 40.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the verb's arguments; those of the player are named as in `ros2 bag play`."""
-    parser.add_argument('bag', type=Path, metavar='BAG', help='bag of a stereo rig')
+    played = parser.add_mutually_exclusive_group(required=True)
+    played.add_argument('bag', type=Path, nargs='?', metavar='BAG', help='bag of a stereo rig')
+    played.add_argument(
+        '--demo', action='store_true', help='play the bag that comes with the package'
+    )
     add_config_argument(parser)
     add_calibration_argument(parser)
     add_supervisor_arguments(parser)
@@ -96,6 +101,8 @@ def main(arguments: argparse.Namespace) -> int:
     require_ros()
     from binopos_ros.cli.live_replay import Replay
 
+    if arguments.demo:
+        arguments.bag = needed(DEMO_BAG)
     with BagReader(arguments.bag) as reader:
         found, calibration = rig_of(reader, arguments)
         namespace = found.namespace or '/'

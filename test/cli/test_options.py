@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
+import sys
+from types import SimpleNamespace
 
 import pytest
 import yaml
 
-from binopos_ros.cli import VERBS, terminal
+from binopos_ros.cli import VERBS, main, terminal
+from binopos_ros.cli.completion import asked_verb
 from binopos_ros.cli.parser import VerbParser, split_ros_arguments
 from binopos_ros.cli.progress import progress
 from binopos_ros.report import Report
@@ -90,6 +94,20 @@ def test_what_a_simulation_is_given_goes_with_its_bag(tmp_path):
     told = next(line for line in done.stdout.splitlines() if 'position against truth' in line)
     # Straight rays miss the target by the water's bend.
     assert float(told.split('RMS')[1].split()[0]) > 50.0
+
+
+def test_the_shell_may_complete_every_verb(monkeypatch, capfd):
+    monkeypatch.setenv('_ARGCOMPLETE', '1')
+    monkeypatch.setenv('COMP_LINE', 'binopos process --cs')
+    assert asked_verb(os.environ) == 'process'
+    assert asked_verb({}) == ''
+    seen = []
+    monkeypatch.setitem(sys.modules, 'argcomplete', SimpleNamespace(autocomplete=seen.append))
+    with pytest.raises(SystemExit):
+        main(['--version'])
+    (verbs,) = [a.choices for a in seen[0]._actions if isinstance(a, argparse._SubParsersAction)]
+    assert '--csv-all' in verbs['process'].format_help()
+    assert '--csv-all' not in verbs['replay'].format_help()
 
 
 class Terminal:
