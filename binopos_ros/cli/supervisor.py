@@ -21,6 +21,7 @@ from binopos_ros.cli import USAGE_ERROR
 from binopos_ros.cli.pulse import Pulse
 from binopos_ros.cli.transport import transport_environment
 from binopos_ros.nodes.supervised import HEARTBEAT, STARTER, SUPERVISED
+from binopos_ros.view.access import TOKEN_VARIABLE, new_token
 
 FIRST_PAUSE = 0.5
 LONGEST_PAUSE = 30.0
@@ -236,8 +237,11 @@ def add_supervisor_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def viewer_of(arguments: argparse.Namespace) -> list[str]:
-    """The node that serves the page, where it is asked for."""
-    return ['viewer'] if arguments.view else []
+    """The node that serves the page, where it is asked for; its token outlives it."""
+    if not arguments.view:
+        return []
+    os.environ.setdefault(TOKEN_VARIABLE, new_token())
+    return ['viewer']
 
 
 def describe_exit(status: int) -> str:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import os
 import secrets
 import socket
 from collections.abc import Collection, Mapping
 from urllib.parse import parse_qs, urlsplit
 
 TOKEN_BYTES = 16
+#: Environment variable in which a supervisor gives a viewer the token that it keeps when it is
+#: started again, so that pages which are open know it still.
+TOKEN_VARIABLE = 'BINOPOS_VIEW_TOKEN'
 
 
 class Access:
@@ -22,7 +26,8 @@ class Access:
     """
 
     def __init__(self, listen: str, token: str = '', origins: Collection[str] = ()) -> None:
-        self.token = token or ('' if is_own(listen) else secrets.token_urlsafe(TOKEN_BYTES))
+        kept = os.environ.get(TOKEN_VARIABLE) or new_token()
+        self.token = token or ('' if is_own(listen) else kept)
         self._origins = {each.rstrip('/').lower() for each in origins}
         self._listen = listen.lower()
 
@@ -55,6 +60,11 @@ class Access:
         own = socket.gethostname().lower()
         names = {'localhost', own, own.partition('.')[0], f'{own}.local', self._listen}
         return name in names or is_address(name)
+
+
+def new_token() -> str:
+    """A token that nobody guesses."""
+    return secrets.token_urlsafe(TOKEN_BYTES)
 
 
 def is_own(address: str) -> bool:

@@ -347,7 +347,8 @@ def _listening(options: ViewerOptions) -> socket.socket:
         made.close()
         msg = (
             f'the page cannot be served on {options.listen} port {options.port}: '
-            f'{error.strerror or error}; choose another port (--port) or address (--listen)'
+            f"{error.strerror or error}; choose another (--port or --listen of 'binopos view', "
+            "the viewer's parameters elsewhere)"
         )
         raise ViewError(msg) from error
     return made
