@@ -89,8 +89,9 @@ def plain(value: Any) -> Any:
             return {'bytes': len(data), 'sha1': hashlib.sha1(data).hexdigest()}
         return value.tolist()
     if dataclasses.is_dataclass(value):
-        names = [field.name for field in dataclasses.fields(value) if field.name != '__msgtype__']
-        return {name: plain(getattr(value, name)) for name in names}
+        # A type's name and its constants are not sent; they alone have a default.
+        sent = [each for each in dataclasses.fields(value) if each.default is dataclasses.MISSING]
+        return {field.name: plain(getattr(value, field.name)) for field in sent}
     return [plain(each) for each in value] if isinstance(value, list) else value
 
 
