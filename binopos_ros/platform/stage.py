@@ -82,9 +82,15 @@ class Platform:
 
         Interpolation averages it. Positions that come faster than samples share them: so that
         many of them together are no better than the samples that they rest on, each is taken for
-        as much worse.
+        as much worse. Of those that come up to twice as slowly some share a sample with their
+        neighbours: of positions `apart` samples from each other, a share 2 - apart, by the
+        integral of u (2 - apart - u) over u from 0 to that; so much of the variance is common to
+        each and both its neighbours, in the mean.
         """
         interval = 0.0 if self._last is None else (stamp - self._last) * 1e-9
-        if interval <= 0.0:
+        if interval <= 0.0 or placed.span == 0.0:
             return placed.white
-        return max(placed.white, placed.span / interval)
+        apart = interval / placed.span
+        if apart < 1.0:
+            return max(placed.white, 1.0 / apart)
+        return placed.white + max(2.0 - apart, 0.0) ** 3 / 3.0

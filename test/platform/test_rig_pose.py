@@ -112,6 +112,26 @@ def test_interpolation_averages_the_samples_noise_and_many_positions_share_it():
     np.testing.assert_allclose(tenth.sample, 10 * robot)
 
 
+@pytest.mark.parametrize('apart', [0.31, 0.93, 1.07, 1.4, 5 / 3, 2.3])
+def test_a_mean_of_many_positions_errs_as_the_sum_of_what_each_is_said_to(apart):
+    """Positions `apart` samples from each other; samples err independently by 1 along x."""
+    rng = np.random.default_rng(11)
+    count = 400
+    samples = int(count * apart) + 3
+    errors = rng.normal(0, 1, (2000, samples))
+    stated = 0.0
+    mean = np.zeros(2000)
+    platform = platform_with(position_std=1.0)
+    for k in range(samples):
+        feed(platform, k * PERIOD)
+    for k in range(count):
+        at = 0.37 + k * apart
+        first, weight = int(at), at % 1.0
+        mean += (1 - weight) * errors[:, first] + weight * errors[:, first + 1]
+        stated += platform.rig_pose(round(at * PERIOD), 'left').sample[0, 0]
+    assert abs((mean**2).mean() / stated - 1) < (0.1 if apart >= 1 else 0.2)
+
+
 def walk(drift, noise, count=600, seed=3):
     """An odometry that drifts by `drift` per root second and has white noise beside, m."""
     rng = np.random.default_rng(seed)
