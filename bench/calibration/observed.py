@@ -1,6 +1,6 @@
 """Is an index "observed" that is not what it says? Rigs measured by hand, off by the defaults.
 
-python bench/calibration/observed.py [--runs 100] [--pairs 100]
+python bench/calibration/observed.py [--runs 100] [--pairs 50] [--only KIND]
 
 Every run draws a rig whose surface or ports and baseline err by what the triangulator takes where
 nothing is stated, and an index from its prior of +- 0.05; a target moves through both pictures at
@@ -129,12 +129,13 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--runs', type=int, default=100)
-    parser.add_argument('--pairs', type=int, default=100)
+    parser.add_argument('--pairs', type=int, default=50)
+    parser.add_argument('--only', choices=RIGS)
     arguments = parser.parse_args()
     print(f'{arguments.runs} runs of {arguments.pairs} pairs, {NOISE} px, index 1.333 +- {PRIOR}')
     print('| | the rig is | observed | of these beyond 3 sigma | mean square |')
     print('|---|---|---|---|---|')
-    for kind in RIGS:
+    for kind in [arguments.only] if arguments.only else RIGS:
         found = [run(kind, seed, arguments.pairs) for seed in range(arguments.runs)]
         for way in found[0]:
             own = [one[way] for one in found]
