@@ -115,6 +115,20 @@ def test_the_calibration_holds_in_operation(
     assert 'the calibration holds' in capsys.readouterr().out
 
 
+def test_cameras_calibrated_in_the_water_are_found_out(
+    world: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The boards in the water taken for boards in air, and the bag's own surface on top."""
+    line = 'simulate -o {at}/round --preset demo --pairs 40 --rate 3.7 --seed 5'
+    assert main(words(line, at=world)) == 0
+    assert main(words('calibrate stereo {at}/wet --square 0.025 -o {at}/wetcal', at=world)) == 0
+    capsys.readouterr()
+    assert main(words('calibrate check {at}/round --calibration {at}/wetcal', at=world)) == 1
+    assert 'counted twice' in capsys.readouterr().out
+    assert main(words('calibrate check {at}/round', at=world)) == 0
+    assert 'twice' not in capsys.readouterr().out
+
+
 def test_the_rig_tells_how_accurate_it_is(
     world: Path, calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
