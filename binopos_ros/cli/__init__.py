@@ -37,8 +37,15 @@ USAGE_ERROR = 2
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb; the exit status. Bad input is one line on stderr and status 2."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    words, ros_words = split_ros_arguments(words)
+    try:
+        return _run(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:
+        # Also while a verb's modules are imported, which may take a second.
+        return 130
+
+
+def _run(arguments: Sequence[str]) -> int:
+    words, ros_words = split_ros_arguments(arguments)
     parser = VerbParser(
         prog='binopos',
         description='Stereo positioning of a red target through water or glass.',
@@ -57,8 +64,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     clear_leftovers()
     try:
         return int(_module_of(parsed.verb).main(parsed))
-    except KeyboardInterrupt:
-        return 130
     except BrokenPipeError:
         # The reader of our output has gone; so does the rest of the output.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -47,7 +47,7 @@ from binopos_ros.cli.calibration_bags import camera_infos_of, open_pictures, tar
 from binopos_ros.cli.config import layers, parameters_of, ros_words
 from binopos_ros.cli.convert_calibration import convert
 from binopos_ros.cli.fixed_target import fixed_target_text
-from binopos_ros.cli.progress import progress
+from binopos_ros.cli.progress import progress, working
 from binopos_ros.cli.rig_file import next_step, write_rig
 from binopos_ros.cli.stereo_topics import choice_of
 from binopos_ros.cli.terminal import fitted
@@ -108,7 +108,8 @@ def _stereo(arguments: argparse.Namespace) -> int:
         return Solution(fit.state, fit.covariance, fit.free, fit.effective_sigma, fit.poses)
 
     pairs, sizes, unmatched = _views_of(arguments, board, solve)
-    calibration = calibrated(pairs, sizes=sizes, most_views=arguments.most_views)
+    with working('calibrating'):
+        calibration = calibrated(pairs, sizes=sizes, most_views=arguments.most_views)
     paths = write_stereo(
         arguments.output,
         calibration.state,
@@ -159,7 +160,8 @@ def _interface(arguments: argparse.Namespace) -> int:
             raise CalibrationError(
                 f'no pair shows the {board} in both pictures: check the board given, and the light'
             )
-    calibration = calibrate_interface(air, views, guesses, covariance, sigma=sigma)
+    with working('calibrating'):
+        calibration = calibrate_interface(air, views, guesses, covariance, sigma=sigma)
     paths = write_interface(output, calibration)
     print(fitted(summarise_interface(calibration)))
     for one in left_out:

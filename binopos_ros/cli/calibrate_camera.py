@@ -21,7 +21,7 @@ from binopos_ros.calibration.views.pairs import BoardPair, Dropped
 from binopos_ros.calibration.views.pictures import read_picture
 from binopos_ros.calibration.views.sources import SUFFIXES
 from binopos_ros.calibration.views.view import View
-from binopos_ros.cli.progress import progress
+from binopos_ros.cli.progress import progress, working
 from binopos_ros.cli.terminal import fitted
 from binopos_ros.optics.rig_state import SHARED
 from binopos_ros.sides import SIDES
@@ -50,7 +50,8 @@ def add_camera_arguments(parser: argparse.ArgumentParser) -> None:
 def calibrate_one(arguments: argparse.Namespace, board: Board) -> int:
     """Calibrate a camera in air; the exit status."""
     seen = see(arguments.source, board, arguments.window)
-    calibration = calibrate_alone(seen.views, seen.size, arguments.lens)
+    with working('calibrating'):
+        calibration = calibrate_alone(seen.views, seen.size, arguments.lens)
     paths = write_camera(arguments.output, arguments.side, calibration)
     _tell(summarise_camera(calibration, arguments.side), seen, paths)
     return 0

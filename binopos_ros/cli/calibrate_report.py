@@ -17,6 +17,7 @@ from binopos_ros.calibration.report.accuracy_page import (
 )
 from binopos_ros.calibration.report.files import INTERFACE_FILE, read_stereo
 from binopos_ros.cli.config import parameters_of
+from binopos_ros.cli.progress import working
 from binopos_ros.cli.terminal import fitted
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED
 from binopos_ros.parameters import build
@@ -77,8 +78,9 @@ def report(arguments: argparse.Namespace) -> int:
     else:
         covariance = known.ordered(state.names)
     reach = working_range(state, arguments.near, arguments.far)
-    found = accuracy_map(state, covariance, arguments.noise, reach)
-    baselines = baseline_rows(state, covariance, arguments.noise, reach, arguments.wanted)
+    with working('mapping the working volume'):
+        found = accuracy_map(state, covariance, arguments.noise, reach)
+        baselines = baseline_rows(state, covariance, arguments.noise, reach, arguments.wanted)
     print(fitted(accuracy_text(found, baselines, arguments.wanted)))
     folder = arguments.output or arguments.calibration
     print(f'written: {accuracy_page(folder, found, baselines, arguments.wanted)}')

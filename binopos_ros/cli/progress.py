@@ -27,6 +27,19 @@ def progress(label: str, steps: int) -> Iterator[Callable[[], None]]:
         bar.end()
 
 
+@contextmanager
+def working(label: str) -> Iterator[None]:
+    """Say in a terminal, on stderr, what is at work that cannot tell how far it is."""
+    is_terminal = sys.stderr.isatty()
+    if is_terminal:
+        print(f'{label} ...', end='', file=sys.stderr, flush=True)
+    try:
+        yield
+    finally:
+        if is_terminal:
+            print('\r\x1b[K', end='', file=sys.stderr, flush=True)
+
+
 class _Bar:
     def __init__(self, what: str, total: int) -> None:
         self._what = what

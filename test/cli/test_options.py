@@ -14,7 +14,7 @@ import yaml
 from binopos_ros.cli import VERBS, main, terminal
 from binopos_ros.cli.completion import asked_verb
 from binopos_ros.cli.parser import VerbParser, split_ros_arguments
-from binopos_ros.cli.progress import progress
+from binopos_ros.cli.progress import progress, working
 from binopos_ros.report import Report
 from verbs import binopos_here
 
@@ -144,6 +144,28 @@ def test_the_time_that_is_left_is_told_by_the_pace_of_steps_alone(monkeypatch):
             seen.now += 1.0
             tick()
     assert '51 of 101, 0:50 left' in seen.text
+
+
+def test_long_work_is_told_in_a_terminal_and_taken_away(monkeypatch, capsys):
+    with working('calibrating'):
+        assert capsys.readouterr().err == ''
+    seen = Terminal()
+    monkeypatch.setattr('sys.stderr', seen)
+    with working('calibrating'):
+        assert seen.text == 'calibrating ...'
+    assert seen.text.endswith('\r\x1b[K')
+
+
+@pytest.mark.parametrize('when', ['add_arguments', 'main'])
+def test_an_interrupt_is_quiet_however_early(monkeypatch, capsys, when):
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    verb = SimpleNamespace(add_arguments=lambda _: None, main=lambda _: 0)
+    setattr(verb, when, interrupted)
+    monkeypatch.setitem(sys.modules, 'binopos_ros.cli.doctor', verb)
+    assert main(['doctor']) == 130
+    assert capsys.readouterr() == ('', '')
 
 
 def test_a_report_fits_a_terminal_and_is_whole_in_a_pipe(monkeypatch):
