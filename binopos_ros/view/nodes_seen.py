@@ -90,6 +90,12 @@ class NodesSeen:
         return shown(node.values.get(f'{side}: best candidate refused', '')) if node else ''
 
     @property
+    def detector_is_off(self) -> bool:
+        """Whether somebody has told the detector to leave pictures alone."""
+        node = self._nodes.get('detector')
+        return node is not None and node.values.get('Enabled') == 'False'
+
+    @property
     def waves(self) -> float:
         """Wave level in pixel noises; nan where the rig looks through no free surface."""
         try:

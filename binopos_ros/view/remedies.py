@@ -30,6 +30,8 @@ _REMEDIES = (
     (r'published by|second|another', 'end the other program, or set another ROS_DOMAIN_ID'),
     (r'lost on the way', 'the network or the shared memory is full: binopos doctor'),
 )
+#: Where that is why there is no target.
+SWITCHED_OFF = 'the detector is switched off: press "Detector on" (service detector/start)'
 _OF_WORDS = {
     'lost': 'bring the target into both pictures',
     'degraded': 'come closer to the target',

@@ -17,7 +17,7 @@ from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
 from binopos_ros.sides import SIDES
 from binopos_ros.view.nodes_seen import NodesSeen
 from binopos_ros.view.pace import Pace
-from binopos_ros.view.remedies import remedy_for
+from binopos_ros.view.remedies import SWITCHED_OFF, remedy_for
 from binopos_ros.view.ring import Ring
 from binopos_ros.view.timeline import Timeline
 
@@ -132,7 +132,7 @@ class Screen:
             'distance': distance if now - distance_at < STALE else math.nan,
             'speed': speed if now - speed_at < STALE else math.nan,
             'speed_std': speed_std if now - speed_at < STALE else math.nan,
-            'health': {'word': word, 'reason': reason, 'remedy': remedy_for(reason, word)},
+            'health': {'word': word, 'reason': reason, 'remedy': self._remedy(word, reason)},
             'rate': self._pace.rate(now),
             'latency': {'median': median, 'p99': p99},
             'pictures': {side: pace.rate(now) for side, pace in self._pictures.items()},
@@ -195,6 +195,11 @@ class Screen:
     def _take_index(self, _: Instant, message: Any) -> None:
         vector = message.vector
         self._index = (float(vector.x), float(vector.y), vector.z > 0.5)
+
+    def _remedy(self, word: str, reason: str) -> str:
+        if self._nodes.detector_is_off and word not in ('tracking', ''):
+            return SWITCHED_OFF
+        return remedy_for(reason, word)
 
     def _index_told(self) -> dict[str, Any] | None:
         if self._index is None:

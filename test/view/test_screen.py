@@ -109,6 +109,13 @@ def test_lost_and_found_are_events_and_coasting_is_none():
     assert 'pictures' in lost.remedy
 
 
+def test_a_detector_that_is_switched_off_is_the_remedy():
+    screen = Screen()
+    screen.take('/diagnostics', diagnostics('detector', 3, 'no input', Enabled='False'), at(0))
+    screen.take('target/health', health('lost', 'no position was used for 0.5 s'), at(0))
+    assert 'press "Detector on"' in screen.numbers(at(0))['health']['remedy']
+
+
 def test_a_smoother_that_says_nothing_any_more_is_no_tracking_target():
     screen = Screen()
     screen.take('target/health', health('tracking'), at(0.0))

@@ -95,7 +95,7 @@ function showRecorder(recorder) {
   const known = (value, digits, unit) => (value === null ? '' : `, ${value.toFixed(digits)} ${unit}`);
   find('recorder').textContent = recorder
     ? `Recorder: ${recorder.state} to ${recorder.bag}${known(recorder.duration, 0, 's')}${known(recorder.free, 1, 'GB free')}`
-    : 'No recorder runs (binopos record -o BAG).';
+    : 'Nothing is recorded.';
 }
 
 function showPlayer({at, duration, playing}) {
