@@ -4,16 +4,50 @@ from __future__ import annotations
 
 import importlib
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
 from binopos_ros.cli import VERBS
+from binopos_ros.cli.parser import VerbParser, split_ros_arguments
 from binopos_ros.node_options import NODES, options_types
 from binopos_ros.parameters import specs_of
 
 PROJECT = Path(__file__).resolve().parent.parent
 DOCUMENTS = sorted([*PROJECT.glob('*.md'), *PROJECT.glob('docs/*.md'), *PROJECT.glob('bags/*.md')])
+
+
+#: Words that stand for what the reader puts there.
+SHORTENED = {'N': '2', 'SECONDS': '2.0'}
+
+
+def commands(path):
+    """The verbs' command lines in a document's code blocks, continued lines joined."""
+    text = re.sub(r'\\\n\s*', ' ', path.read_text())
+    blocks = re.findall(r'^```(?:sh|bash|console)?\n(.*?)^```', text, re.MULTILINE | re.DOTALL)
+    blocks += re.findall(r'^((?:    .*\n)+)', text, re.MULTILINE)
+    lines = [line.strip().removeprefix('$ ') for block in blocks for line in block.splitlines()]
+    return [line for line in lines if re.match(r'binopos [a-z]+ ', line)]
+
+
+@pytest.fixture(scope='module')
+def parsers():
+    """Each verb's parser."""
+    found = {}
+    for verb in VERBS:
+        found[verb] = VerbParser(prog=f'binopos {verb}')
+        importlib.import_module(f'binopos_ros.cli.{verb}').add_arguments(found[verb])
+    return found
+
+
+def refused(parser, words, capsys):
+    """What a parser says against words, '' where it takes them."""
+    try:
+        parser.parse_args([SHORTENED.get(word, word) for word in words])
+    except SystemExit as leaving:
+        return capsys.readouterr().err if leaving.code else ''
+    return ''
 
 
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
@@ -45,6 +79,17 @@ def test_scripts_and_verbs_that_are_named_exist(path):
     # In code only: prose may speak of what binopos is.
     for verb in re.findall(r'(?:^|`)binopos ([a-z]+)', text, re.MULTILINE):
         assert verb in VERBS, verb
+
+
+@pytest.mark.parametrize(
+    'path', [each for each in DOCUMENTS if commands(each)], ids=lambda path: path.name
+)
+def test_every_command_is_taken_by_its_verb(path, parsers, capsys):
+    """Its options exist and take what is given; what commands do is tested in their rooms."""
+    for command in commands(path):
+        verb, *words = shlex.split(command, comments=True)[1:]
+        own, _ = split_ros_arguments(words)
+        assert refused(parsers[verb], own, capsys) == '', command
 
 
 def test_the_readme_names_every_topic_and_verb():
