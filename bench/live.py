@@ -1,15 +1,16 @@
 """The live nodes beside the plain pipeline that a user would write, on the same bag in one run.
 
     python bench/live.py [BAG] [--rate 30] [--seconds 20] [--rounds 2] [--alone]
-        [--single-process] [--load 0] [--json FILE]
+        [--raw] [--single-process] [--load 0] [--json FILE]
 
 BAG is a bag of `binopos simulate` (JPEG); without it one is made. Its pictures are published
 again and again at a rate, with the present as their stamp, to one of the two at a time, in
 turns (`--alone`: to the suite only). A latency is the time from a pair's stamp to the arrival of
 its pose in this process; processor time is that of the processes that make the pose, all their
 threads, divided by the pairs sent; what gave no pose is lost. Their memory, threads and open
-files are told for each minute of a run. `--load` keeps so many processes busy beside it, and
-`--single-process` composes the suite's nodes. The plain pipeline is one rclpy node: OpenCV
+files are told for each minute of a run. `--raw` publishes pictures as bgr8, to the suite only,
+with the shared memory that `binopos run` gives. `--load` keeps so many processes busy beside it,
+and `--single-process` composes the suite's nodes. The plain pipeline is one rclpy node: OpenCV
 decodes, finds red by inRange, takes the moments and triangulates along straight rays; pairs by
 equal stamps alone, and no covariance and no filter.
 """
@@ -33,12 +34,17 @@ from typing import Any
 import cv2
 import numpy as np
 
+from binopos_ros.capture.transport import PROFILE_VARIABLES
+from binopos_ros.cli.transport import find_profile
+
 SIDES = ('left', 'right')
 SUITE = ('detector', 'triangulator', 'smoother')
 PLAIN = 'plain pipeline'
 TICKS, PAGE = os.sysconf('SC_CLK_TCK'), os.sysconf('SC_PAGESIZE')
 SETTLE, DRAIN, START = 1.0, 1.5, 60.0
 DOMAIN = '87'
+#: Pictures of each camera that are kept raw: 4 MB each.
+RAW = 20
 INPUTS = ('image_raw/compressed', 'camera_info')
 
 
@@ -155,13 +161,26 @@ def busy(count: int) -> Iterator[None]:
             loop.wait()
 
 
+def raw_picture(message: Any) -> bytearray:
+    """A compressed picture as a serialised bgr8 one."""
+    from rclpy.serialization import serialize_message
+    from sensor_msgs.msg import Image
+
+    picture = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_COLOR)
+    height, width, channels = picture.shape
+    raw = Image(height=height, width=width, encoding='bgr8', step=channels * width)
+    raw.header.frame_id = message.header.frame_id
+    raw.data = picture.tobytes()
+    return bytearray(serialize_message(raw))
+
+
 class Feed:
     """Publishes the bag's pictures, and notes when poses come."""
 
-    def __init__(self, bag: Path) -> None:
+    def __init__(self, bag: Path, raw: bool = False) -> None:
         import rclpy
         from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-        from sensor_msgs.msg import CameraInfo, CompressedImage
+        from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
         from binopos_ros.bag import BagReader
 
@@ -171,9 +190,15 @@ class Feed:
         with BagReader(bag) as reader:
             for side in SIDES:
                 topics = [f'/stereo/{side}/{each}' for each in INPUTS]
-                self.pictures[side] = [bytearray(r.data) for r in reader.messages(topics[:1])]
+                records = itertools.islice(reader.messages(topics[:1]), RAW if raw else None)
+                self.pictures[side] = [
+                    raw_picture(reader.decode(r)) if raw else bytearray(r.data) for r in records
+                ]
                 info = next(iter(reader.messages(topics[1:]))).data
-                self.publishers[side] = self.node.create_publisher(CompressedImage, topics[0], 10)
+                kind, topic = (
+                    (Image, f'/stereo/{side}/image_raw') if raw else (CompressedImage, topics[0])
+                )
+                self.publishers[side] = self.node.create_publisher(kind, topic, 10)
                 self.infos[side] = self.node.create_publisher(CameraInfo, topics[1], latched())
                 self.infos[side].publish(bytes(info))
         self.came: dict[int, int] = {}
@@ -263,11 +288,14 @@ def main() -> int:
     parser.add_argument('--seconds', type=float, default=20.0)
     parser.add_argument('--rounds', type=int, default=2)
     parser.add_argument('--alone', action='store_true', help='without the plain pipeline')
+    parser.add_argument('--raw', action='store_true', help='bgr8 instead of JPEG')
     parser.add_argument('--single-process', action='store_true')
     parser.add_argument('--load', type=int, default=0, help='processes that are busy beside it')
     parser.add_argument('--json', type=Path)
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = DOMAIN
+    if options.raw:
+        os.environ[PROFILE_VARIABLES[0]] = str(find_profile())
     with tempfile.TemporaryDirectory() as folder:
         bag = options.bag
         if bag is None:
@@ -285,9 +313,9 @@ def measured(bag: Path, options: argparse.Namespace) -> list[dict[str, Any]]:
     """The figures of each round and pipeline, printed as they come."""
     from binopos_ros.detection import JPEG_DECODER
 
-    feed, rate = Feed(bag), options.rate
+    feed, rate = Feed(bag, options.raw), options.rate
     name = f'the suite ({JPEG_DECODER})'
-    names = (name,) if options.alone else (name, PLAIN)
+    names = (name,) if options.alone or options.raw else (name, PLAIN)
     results = []
     print(f'{rate:g} pairs/s, load {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores')
     print(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import gc
 import sys
 from collections import deque
@@ -30,6 +29,7 @@ from binopos_ros.cli.recorded_calibration import calibrations, camera_info_of
 from binopos_ros.cli.stereo_topics import add_remap_argument, add_topic_arguments, rig_of
 from binopos_ros.cli.terminal import fitted
 from binopos_ros.detection import DetectionError, Frame, JpegImage, RawImage, decode
+from binopos_ros.detection.heap import keep_freed_pictures
 from binopos_ros.detection.images import halves, image_of
 from binopos_ros.node_options import STAGES
 from binopos_ros.optics import CameraInfo, OpticsError
@@ -44,8 +44,6 @@ READ_AHEAD = 8
 #: A bound for slips of the keyboard; each job takes a processor and 200 MB.
 MOST_JOBS = 256
 GARBAGE_THRESHOLD = 50_000
-#: Parameters of mallopt(3).
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
 
 
 class _Images(NamedTuple):
@@ -180,17 +178,11 @@ def process_one(arguments: argparse.Namespace) -> Report:
 def _keep_memory() -> None:
     """Spend less on memory: keep freed pictures, and look for garbage less often.
 
-    To give a picture back to the system costs a page fault per 4 KiB when the next one comes. The
-    stages leave no cycles, and what the imports made stays to the end.
+    The stages leave no cycles, and what the imports made stays to the end.
     """
     gc.freeze()
     gc.set_threshold(GARBAGE_THRESHOLD)
-    library = ctypes.CDLL(None)
-    if hasattr(library, 'mallopt'):
-        library.mallopt(M_MMAP_THRESHOLD, 1 << 30)
-        library.mallopt(M_TRIM_THRESHOLD, 1 << 30)
-        # A heap per thread would grow with the length of the bag, as pictures wander between them.
-        library.mallopt(M_ARENA_MAX, 1)
+    keep_freed_pictures()
 
 
 def _opened(path: Path) -> TextIO:

@@ -11,6 +11,7 @@ from binopos_ros.optics import CameraInfo
 from binopos_ros.sides import LEFT, RIGHT
 
 from .apart import StageApart
+from .heap import keep_freed_pictures
 from .images import JpegImage, RawImage
 from .options import DetectorOptions
 from .stage import CameraStage, phases_of_pair
@@ -34,6 +35,7 @@ class BothCameras:
     def __init__(self, options: DetectorOptions) -> None:
         # A core for each camera is what there is; OpenCV's own threads would only wait for one.
         cv2.setNumThreads(1)
+        keep_freed_pictures()
         phases = phases_of_pair()
         self._apart = StageApart(options, phases[RIGHT])
         self._here = CameraStage(options, phases[LEFT])
