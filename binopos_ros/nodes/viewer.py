@@ -39,7 +39,7 @@ SURFACE_PERIOD = 1.0
 class ViewerNode(StageNode):
     """Serves the page; it hears numbers while a page is open, and pictures while one shows them.
 
-    The server has a thread, and so has each of the two that hear; all that is seen is touched in
+    The server has a thread, and so has each of the three that hear; all that is seen is touched in
     the server's alone.
     """
 
@@ -64,6 +64,7 @@ class ViewerNode(StageNode):
             offer_triggers(self, controls)
         self._ears = Onlooker(self, 'viewer_ears', self._hear)
         self._eyes = Onlooker(self, 'viewer_eyes', self._see)
+        self._drawings = Onlooker(self, 'viewer_drawings', self._see_drawings)
         self._next_raw = dict.fromkeys(SIDES, 0.0)
         self._server = PageServer(options, self)
         self._server.start()
@@ -76,6 +77,7 @@ class ViewerNode(StageNode):
             self._server.close()
             self._ears.close()
             self._eyes.close()
+            self._drawings.close()
             self._recordings.close()
         super().destroy_node()
 
@@ -98,6 +100,7 @@ class ViewerNode(StageNode):
         self._diagnostics.idle = '' if look.numbers else 'nobody looks'
         self._ears.look(look.numbers)
         self._eyes.look(look.pictures)
+        self._drawings.look(look.drawings)
 
     def ask(self, request: Mapping[str, Any], answer: Answer) -> None:
         """As `Source`."""
@@ -132,6 +135,12 @@ class ViewerNode(StageNode):
         for side in SIDES:
             Pictures(node, side, 'auto', partial(self._picture, side), keep)
 
+    def _see_drawings(self, node: StageNode) -> None:
+        for side in SIDES:
+            take = partial(self._drawing, side)
+            topic = f'{side}/overlay/compressed'
+            node.create_subscription(CompressedImage, topic, take, sensor_data(), raw=True)
+
     def _take(self, topic: str, message: Any) -> None:
         self._count(topic)
         if isinstance(message, CameraInfo):
@@ -151,6 +160,15 @@ class ViewerNode(StageNode):
             self._diagnostics.drop(f'{side}: {error}')
             return
         self._stills.picture(picture)
+        self._server.post(self._server.show, picture)
+
+    def _drawing(self, side: str, message: bytes) -> None:
+        self._count(f'{side}/overlay/compressed')
+        try:
+            picture = serialized_picture(side, message)._replace(drawn=True)
+        except ViewError as error:
+            self._diagnostics.drop(f'{side}: {error}')
+            return
         self._server.post(self._server.show, picture)
 
     def _count(self, topic: str) -> None:

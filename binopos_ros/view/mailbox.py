@@ -22,6 +22,8 @@ class Mailbox:
     ----------
     wants_pictures : bool
         Whether the viewer looks at pictures.
+    wants_drawn : bool
+        Whether it looks at those that the detector has drawn over, and not at the cameras'.
     skipped : int
         Pictures in whose place it got a newer one.
 
@@ -29,6 +31,7 @@ class Mailbox:
 
     def __init__(self, picture_rate: float) -> None:
         self.wants_pictures = False
+        self.wants_drawn = False
         self.skipped = 0
         self._period = 1 / picture_rate
         self._due: dict[str, float] = {}
@@ -39,7 +42,7 @@ class Mailbox:
 
     def put_picture(self, picture: Picture) -> None:
         """Keep a picture in the place of the one before."""
-        if not self.wants_pictures:
+        if not self.wants_pictures or picture.drawn != self.wants_drawn:
             return
         self.skipped += picture.side in self._pictures
         self._pictures[picture.side] = picture

@@ -290,6 +290,7 @@ class PageServer:
             return str(error)
         if request['type'] == 'watch':
             mailbox.wants_pictures = request.get('pictures') is True
+            mailbox.wants_drawn = request.get('drawn') is True
             self._look_again()
             return ''
 
@@ -327,9 +328,11 @@ class PageServer:
     def _look_again(self) -> None:
         """Tell the source where what is looked at has changed."""
         scraped = time.monotonic() - self._scraped < SCRAPE
+        looking = self._mailboxes
         look = Look(
             numbers=self._clients > 0 or scraped,
-            pictures=any(mailbox.wants_pictures for mailbox in self._mailboxes),
+            pictures=any(each.wants_pictures and not each.wants_drawn for each in looking),
+            drawings=any(each.wants_pictures and each.wants_drawn for each in looking),
         )
         if look != self._look:
             self._look = look

@@ -15,7 +15,8 @@ class Look(NamedTuple):
     """What somebody looks at just now."""
 
     numbers: bool = False
-    pictures: bool = False
+    pictures: bool = False  #: as the cameras made them
+    drawings: bool = False  #: with what the detector draws over them
 
 
 class Source(Protocol):

@@ -4,7 +4,7 @@ A picture's frame is a header of sixteen bytes and the JPEG as the camera made i
 
     bytes 0-3    'BPV1'
     byte  4      0 left, 1 right
-    byte  5      0 camera, 1 overlay drawn by the suite
+    byte  5      0 as the camera made it, 1 with what the detector has drawn over it
     bytes 6-7    0
     bytes 8-15   stamp, ns, unsigned, big-endian
 
@@ -36,11 +36,12 @@ class Picture(NamedTuple):
     side: str
     stamp: int  #: ns
     jpeg: bytes | memoryview
+    drawn: bool = False  #: whether the detector has drawn over it what it sees
 
 
 def picture_frame(picture: Picture) -> bytes:
     """A picture as a binary frame."""
-    head = HEADER.pack(MAGIC, SIDES.index(picture.side), 0, 0, picture.stamp)
+    head = HEADER.pack(MAGIC, SIDES.index(picture.side), picture.drawn, 0, picture.stamp)
     return b''.join((head, picture.jpeg))
 
 
@@ -53,8 +54,8 @@ def read_picture_frame(frame: bytes) -> Picture:
     if len(frame) < HEADER.size or frame[:4] != MAGIC or frame[4] >= len(SIDES):
         msg = f'binary frame of {len(frame)} bytes holds no picture'
         raise ViewError(msg)
-    _, side, _, _, stamp = HEADER.unpack_from(frame)
-    return Picture(SIDES[side], stamp, memoryview(frame)[HEADER.size :])
+    _, side, drawn, _, stamp = HEADER.unpack_from(frame)
+    return Picture(SIDES[side], stamp, memoryview(frame)[HEADER.size :], bool(drawn))
 
 
 def serialized_picture(side: str, data: bytes) -> Picture:

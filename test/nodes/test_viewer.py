@@ -140,6 +140,19 @@ def test_viewers_get_what_is_published_while_they_look(start, peer, tmp_path):
             False,
             'no recorder runs here; start one, then press again',
         )
+        # What the detector draws is heard in the place of the cameras' pictures.
+        drawings = peer.publisher(CompressedImage, 'left/overlay/compressed')
+        browser.send(type='watch', pictures=True, drawn=True)
+        peer.wait_for(drawings.get_subscription_count, 'a subscription to the overlay')
+        drawing = CompressedImage(format='jpeg', data=b'\xff\xd8 drawn \xff\xd9')
+
+        def drawing_came():
+            drawings.publish(drawing)
+            return browser.pictures['left'][1] == bytes(drawing.data)
+
+        peer.wait_for(drawing_came, 'the overlay')
+        browser.send(type='watch', pictures=True)
+        peer.wait_for(pictures.get_subscription_count, 'a subscription to the picture again')
         # A still pair: both pictures of one instant, as they came.
         grey.header.stamp = picture.header.stamp
         pictures.publish(picture)

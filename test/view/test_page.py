@@ -36,6 +36,8 @@ def served(browser):
     made = Served(token='')
     browser.open(f'http://{made.authority}/')
     browser.wait_for('window.binopos && binopos.page.state !== null', 'the page')
+    # What is shown before the page has asked for pictures goes to nobody.
+    made.source.wait_until(lambda look: look.pictures)
     yield made
     made.server.close()
 

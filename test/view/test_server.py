@@ -16,6 +16,7 @@ from binopos_ros.view.access import TOKEN_VARIABLE, Access
 from binopos_ros.view.errors import ViewError
 from binopos_ros.view.options import ViewerOptions
 from binopos_ros.view.server import PageServer
+from binopos_ros.view.source import Look
 from binopos_ros.view.wire import read_picture_frame
 from page_server import JPEG, Served, Told, health, pose
 
@@ -132,7 +133,7 @@ def test_a_viewer_gets_what_the_topics_said(served):
 
 def test_nothing_is_asked_for_that_nobody_looks_at(serve):
     served = serve()
-    assert served.source.looks == [(False, False)]
+    assert served.source.looks == [Look()]
 
     async def look():
         async with connect(f'ws://{served.authority}/ws') as viewer:

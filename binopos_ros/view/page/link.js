@@ -12,6 +12,7 @@ export class Link {
     this.failures = 0;
     this.heard = 0;
     this.watches = true;
+    this.drawn = false;
     setInterval(() => this.look(), 200);
     this.open();
   }
@@ -35,7 +36,8 @@ export class Link {
     const head = new DataView(data, 0, PICTURE_HEADER);
     const side = head.getUint8(4) ? 'right' : 'left';
     const stamp = head.getBigUint64(8).toString();
-    this.show({side, stamp, jpeg: new Blob([new Uint8Array(data, PICTURE_HEADER)], {type: 'image/jpeg'})});
+    const drawn = head.getUint8(5) === 1;
+    this.show({side, stamp, drawn, jpeg: new Blob([new Uint8Array(data, PICTURE_HEADER)], {type: 'image/jpeg'})});
   }
 
   async lost(event) {
@@ -61,9 +63,10 @@ export class Link {
 
   get isCut() { return performance.now() - this.heard > STALE_MS; }
 
-  watch(pictures) {
+  watch(pictures, drawn = this.drawn) {
     this.watches = pictures;
-    this.send({type: 'watch', pictures});
+    this.drawn = drawn;
+    this.send({type: 'watch', pictures, drawn});
   }
 
   send(request) {

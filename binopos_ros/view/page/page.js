@@ -42,6 +42,7 @@ function hello(told) {
     return button;
   }));
   find('player').hidden = told.mode !== 'bag';
+  find('drawn').hidden = told.mode === 'bag';
   if (told.mode === 'bag') {
     find('place').max = told.duration;
     // What is shown there: nothing else comes while the bag stands.
@@ -125,6 +126,12 @@ function togglePictures() {
   link.watch(shown);
 }
 
+function toggleDrawn() {
+  const drawn = find('drawn').getAttribute('aria-pressed') !== 'true';
+  find('drawn').setAttribute('aria-pressed', drawn);
+  link.watch(link.watches, drawn);
+}
+
 function setTheme(theme) {
   document.documentElement.dataset.theme = theme;
   try { localStorage.setItem('theme', theme); } catch { /* a private window keeps nothing */ }
@@ -149,6 +156,7 @@ function toggleHelp() {
 }
 
 find('pictures').onclick = togglePictures;
+find('drawn').onclick = toggleDrawn;
 find('theme').onclick = toggleTheme;
 find('help').onclick = toggleHelp;
 find('keys').querySelector('button').onclick = () => find('keys').close();
@@ -156,6 +164,7 @@ find('keys').onclose = () => find('help').setAttribute('aria-expanded', 'false')
 const isBag = () => page.mode === 'bag';
 for (const [key, label, action] of [
   ['P', 'show or hide the pictures', togglePictures],
+  ['O', 'what the detector sees: candidates, and why they are refused', () => find('drawn').click()],
   ['T', 'light or dark', toggleTheme],
   ['?', 'these keys', toggleHelp],
   ['Space', 'a bag: play or pause', () => isBag() && find('play').click()],
