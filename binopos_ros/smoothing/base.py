@@ -290,8 +290,10 @@ def _why_no_part(medium: Array, covariance: Array) -> str:
     """Return what is wrong with the medium's part of a covariance, or ''."""
     if medium.shape != (3, 3):
         return f"the medium's covariance has shape {medium.shape}, not (3, 3)"
-    noise, part = np.diagonal(covariance - medium), np.diagonal(medium)
-    if not np.isfinite(medium).all() or (part < 0.0).any() or (noise <= 0.0).any():
+    numbers = medium.ravel().tolist()
+    parts, totals = numbers[::4], covariance.ravel().tolist()[::4]
+    whole = math.isfinite(sum(numbers))
+    if not whole or any(not 0.0 <= part < all_ for part, all_ in zip(parts, totals, strict=True)):
         return "the medium's covariance is no part of the position's"
     return ''
 

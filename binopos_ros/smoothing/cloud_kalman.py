@@ -109,7 +109,10 @@ class CloudKalmanFilter(Filter[_Memory]):
         """Return the noise's part (..., 1, 3, 3), or that and the medium's (..., 2, 3, 3)."""
         if medium is None:
             return covariance[..., None, :, :]
-        return np.stack([covariance - medium, medium], axis=-3)
+        parts = np.empty((*covariance.shape[:-2], 2, 3, 3))
+        np.subtract(covariance, medium, out=parts[..., 0, :, :])
+        parts[..., 1, :, :] = medium
+        return parts
 
     def _start(self, position: Array, covariance: Array) -> _Memory:
         axes = first_axes(covariance[..., 0, :, :])
@@ -120,9 +123,14 @@ class CloudKalmanFilter(Filter[_Memory]):
         return _Memory(axes, free, wavy, _roughness(noise, medium), 1.0 + free.since)
 
     def _advance(self, memory: _Memory, elapsed: Seconds) -> _Memory:
-        free = ladder.advance(memory.free, self._chain, elapsed)
-        wavy = None if memory.waves is None else waves.advance(memory.waves, elapsed)
-        return _Memory(memory.axes, free, wavy, memory.rough, memory.certainty)
+        if memory.waves is None:
+            return memory._replace(free=ladder.advance(memory.free, self._chain, elapsed))
+        wavy = waves.advance(memory.waves, elapsed)
+        if _everywhere(memory.rough):
+            free = ladder.waited(memory.free, elapsed)
+        else:
+            free = ladder.advance(memory.free, self._chain, elapsed)
+        return memory._replace(free=free, waves=wavy)
 
     def _correct(self, memory: _Memory, position: Array, covariance: Array) -> _Memory:
         seen = along(memory.axes, covariance)
@@ -132,45 +140,71 @@ class CloudKalmanFilter(Filter[_Memory]):
             seen = along(axes, covariance)
         measured = applied(memory.axes.rows, position)
         noise, medium = _variances(seen)
+        rough: Number = 0.0 * memory.rough
+        wavy = None
+        if medium is not None and memory.waves is not None:
+            wavy = waves.correct(memory.waves, measured, noise, medium)
+            rough = _roughness(noise, medium) * waves.believable(wavy.waves, noise, medium)
+            if _everywhere(rough):
+                free = ladder.in_pace(memory.free)
+                return _Memory(memory.axes, free, wavy.waves, rough, wavy.certainty)
         x, y, z = components(position)
         distance = (x * x + y * y + z * z) ** 0.5
-        acceleration = self.options.max_acceleration + self.options.max_turning * distance
         free = ladder.correct(
-            memory.free,
+            _free(memory),
             measured,
             _sum(noise, medium),
             self.options.wrong_share,
-            acceleration,
+            self.options.max_acceleration + self.options.max_turning * distance,
         )
-        if medium is None:
-            calm = 0.0 * free.certainty
-            return _Memory(memory.axes, free, memory.waves, calm, free.certainty)
-        if memory.waves is None:
-            begun = waves.start(measured, noise, medium)
-            return memory._replace(free=free, waves=begun, certainty=free.certainty)
-        wavy = waves.correct(memory.waves, measured, noise, medium)
-        rough = _roughness(noise, medium) * waves.believable(wavy.waves, noise, medium)
-        certainty = free.certainty + rough * (wavy.certainty - free.certainty)
-        return _Memory(memory.axes, free, wavy.waves, rough, certainty)
+        if wavy is not None:
+            certainty = free.certainty + rough * (wavy.certainty - free.certainty)
+            return _Memory(memory.axes, free, wavy.waves, rough, certainty)
+        begun = memory.waves if medium is None else waves.start(measured, noise, medium)
+        return _Memory(memory.axes, free, begun, rough, free.certainty)
 
     def _place(self, memory: _Memory) -> Array:
-        place = ladder.mean_position(memory.free)
-        if memory.waves is not None:
+        if memory.waves is None:
+            place = ladder.mean_position(memory.free)
+        elif _everywhere(memory.rough):
+            place = waves.mean_position(memory.waves)
+        else:
+            place = ladder.mean_position(memory.free)
             apart = waves.mean_position(memory.waves) - place
             place = place + beside(memory.rough, 1) * apart
         return applied(memory.axes.rows.swapaxes(-1, -2), place)
 
     def _estimate(self, memory: _Memory) -> Estimate:
-        mean, parts = ladder.moments(memory.free)
-        state = product(mean, memory.axes.rows)
-        # Each axis' share in the covariances is a multiple of its direction's square.
-        blocks = product(parts, memory.axes.products[..., :3, :])
-        covariance = blocks.reshape(*blocks.shape[:-2], 27).take(_WHOLE, axis=-1)
-        if memory.waves is not None and np.any(memory.rough):
-            state, covariance = _blended(memory, memory.waves, state, covariance)
+        if memory.waves is None or not np.any(memory.rough):
+            state, covariance = _calm(memory)
+        elif _everywhere(memory.rough):
+            state, covariance = _rough(memory, memory.waves)
+        else:
+            state, covariance = _blended(memory, memory.waves)
         enough: Any = memory.certainty > _LEAST_CERTAINTY
         used: Number = memory.certainty * enough
         return Estimate(state[..., 0, :], state[..., 1, :], covariance, used)
+
+
+def _everywhere(rough: Number) -> bool:
+    """Tell whether only the waves' filter is believed, of all sequences."""
+    return rough == 1.0 if isinstance(rough, float) else bool((rough == 1.0).all())
+
+
+def _free(memory: _Memory) -> Ladder:
+    """Return the ladder, which begins with what the waves' filter says where that was alone."""
+    free, wavy = memory.free, memory.waves
+    alone = np.equal(memory.rough, 1.0)
+    if wavy is None or not alone.any():
+        return free
+    begun = ladder.begun(free, *waves.moments(wavy))
+    if alone.all():
+        return begun
+    return free._replace(
+        origin=np.where(beside(alone, 1), begun.origin, free.origin),
+        moments=np.where(beside(alone, 3), begun.moments, free.moments),
+        certainty=np.where(alone, begun.certainty, free.certainty),
+    )
 
 
 def _sum(noise: Array, medium: Array | None) -> Array:
@@ -182,16 +216,31 @@ def _variances(seen: Array) -> tuple[Array, Array | None]:
     return seen[..., 0, :3], seen[..., 1, :3] if seen.shape[-2] == 2 else None
 
 
-def _blended(memory: _Memory, wavy: Waves, state: Array, covariance: Array) -> tuple[Array, Array]:
-    """Return what both filters say together: states (..., 2, 3), covariances (..., 6, 6)."""
-    other, spread = waves.moments(wavy)
+def _calm(memory: _Memory) -> tuple[Array, Array]:
+    """Return what the ladder says: states (..., 2, 3), covariances (..., 6, 6)."""
+    mean, parts = ladder.moments(memory.free)
+    # Each axis' share in the covariances is a multiple of its direction's square.
+    blocks = product(parts, memory.axes.products[..., :3, :])
+    covariance = blocks.reshape(*blocks.shape[:-2], 27).take(_WHOLE, axis=-1)
+    return product(mean, memory.axes.rows), covariance
+
+
+def _rough(memory: _Memory, wavy: Waves) -> tuple[Array, Array]:
+    """Return what the waves' filter says: states (..., 2, 3), covariances (..., 6, 6)."""
+    mean, spread = waves.moments(wavy)
     axes = memory.axes.rows
-    turn = np.zeros_like(covariance)
+    turn = np.zeros_like(spread)
     turn[..., :3, :3] = turn[..., 3:, 3:] = axes
-    spread = product(product(turn.swapaxes(-1, -2), spread), turn)
+    state = product(mean.reshape(*mean.shape[:-1], 2, 3), axes)
+    return state, product(product(turn.swapaxes(-1, -2), spread), turn)
+
+
+def _blended(memory: _Memory, wavy: Waves) -> tuple[Array, Array]:
+    """Return what both filters say together: states (..., 2, 3), covariances (..., 6, 6)."""
+    state, covariance = _calm(memory)
+    other, spread = _rough(memory, wavy)
     share = beside(memory.rough, 2)
-    apart = product(other.reshape(state.shape), axes)
-    apart -= state
+    apart = other - state
     flat = apart.reshape(*covariance.shape[:-1])
     between = flat[..., :, None] * flat[..., None, :]
     between *= 1.0 - share

@@ -200,12 +200,25 @@ def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
 def _with_speeds(ladder: Ladder, elapsed: Seconds) -> Ladder:
     """Return the bank with what two positions can say of velocities, that time apart."""
     new = ladder.interval == 0.0
-    apart = smaller(larger(elapsed, _INTERVALS[0]), _INTERVALS[1])
-    interval = apart if isinstance(apart, float) else np.where(new, apart, ladder.interval)
+    interval = _first_interval(ladder, elapsed)
     moments = ladder.moments.copy()
     speeds = moments[..., WEIGHT, :, :] * ladder.variance * _FIRST_SPEEDS
     moments[..., VV, :, :] += beside(new / (interval * interval), 2) * speeds
     return ladder._replace(moments=moments, interval=interval)
+
+
+def _first_interval(ladder: Ladder, elapsed: Seconds) -> Number:
+    """Return the time between frames, which is that one where there were not yet two."""
+    apart = smaller(larger(elapsed, _INTERVALS[0]), _INTERVALS[1])
+    if isinstance(apart, float):
+        return ladder.interval or apart
+    return np.where(ladder.interval == 0.0, apart, ladder.interval)
+
+
+def waited(ladder: Ladder, elapsed: Seconds) -> Ladder:
+    """Return the bank that knows that `elapsed` seconds passed, and nothing else of it."""
+    interval = _first_interval(ladder, elapsed)
+    return ladder._replace(interval=interval, since=ladder.since + elapsed)
 
 
 def correct(
@@ -255,10 +268,33 @@ def correct(
     by_place -= mean
     by_speed += v
     moments = _joined(weights, by_place, by_speed, *after)
+    paced = in_pace(ladder)
+    return Ladder(
+        ladder.origin + shift, moments, own, paced.interval, paced.since, certainty
+    )
+
+
+def in_pace(ladder: Ladder) -> Ladder:
+    """Return the bank that knows when a position came, and nothing else of it."""
     ratio = larger(ladder.since / ladder.interval, 1.0 / _LONGEST_RATIO)
     interval = ladder.interval * smaller(ratio, _LONGEST_RATIO) ** _NEW_INTERVAL
     interval = smaller(larger(interval, _INTERVALS[0]), _INTERVALS[1])
-    return Ladder(ladder.origin + shift, moments, own, interval, 0.0 * ladder.since, certainty)
+    return ladder._replace(interval=interval, since=0.0 * ladder.since)
+
+
+def begun(ladder: Ladder, mean: Array, covariance: Array) -> Ladder:
+    """Return a bank in which each rung begins with what another filter says.
+
+    `mean` (..., 6) and `covariance` (..., 6, 6) are of position and velocity along the axes.
+    """
+    place, speed = mean[..., :3], mean[..., 3:]
+    variances = covariance.diagonal(axis1=-2, axis2=-1)
+    across = covariance.diagonal(offset=3, axis1=-2, axis2=-1)
+    parts = (0.0 * place, speed, variances[..., :3], across, variances[..., 3:])
+    spread = [_for_rungs(part) for part in parts]
+    moments = _joined(np.full_like(spread[0], 1.0 / RUNGS), *spread)
+    moments[..., V, :, REST] = moments[..., PV:, :, REST] = 0.0
+    return ladder._replace(origin=place, moments=moments, certainty=1.0 + 0.0 * ladder.since)
 
 
 def _doubt(
