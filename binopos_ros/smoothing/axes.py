@@ -30,17 +30,22 @@ class Axes(NamedTuple):
         The axes; the last is the line of sight.
     products : (..., 5, 9) array
         Outer products of each axis with itself, and of the others with the last.
+    both : (..., 6, 6) array
+        The axes twice, for positions and velocities.
 
     """
 
     rows: Array
     products: Array
+    both: Array
 
     @classmethod
     def of(cls, rows: Array) -> Axes:
         """Return the axes in those rows (..., 3, 3)."""
         products = rows[..., _FIRST, :, None] * rows[..., _SECOND, None, :]
-        return cls(rows, products.reshape(*rows.shape[:-2], 5, 9))
+        both = np.zeros((*rows.shape[:-2], 6, 6))
+        both[..., :3, :3] = both[..., 3:, 3:] = rows
+        return cls(rows, products.reshape(*rows.shape[:-2], 5, 9), both)
 
 
 def first_axes(covariance: Array) -> Axes:

@@ -25,6 +25,7 @@ from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option
 from binopos_ros.smoothing.scalars import (
     Number,
+    anywhere,
     applied,
     beside,
     components,
@@ -175,7 +176,7 @@ class CloudKalmanFilter(Filter[_Memory]):
         return applied(memory.axes.rows.swapaxes(-1, -2), place)
 
     def _estimate(self, memory: _Memory) -> Estimate:
-        if memory.waves is None or not np.any(memory.rough):
+        if memory.waves is None or not anywhere(memory.rough > 0.0):
             state, covariance = _calm(memory)
         elif _everywhere(memory.rough):
             state, covariance = _rough(memory, memory.waves)
@@ -228,10 +229,8 @@ def _calm(memory: _Memory) -> tuple[Array, Array]:
 def _rough(memory: _Memory, wavy: Waves) -> tuple[Array, Array]:
     """Return what the waves' filter says: states (..., 2, 3), covariances (..., 6, 6)."""
     mean, spread = waves.moments(wavy)
-    axes = memory.axes.rows
-    turn = np.zeros_like(spread)
-    turn[..., :3, :3] = turn[..., 3:, 3:] = axes
-    state = product(mean.reshape(*mean.shape[:-1], 2, 3), axes)
+    turn = memory.axes.both
+    state = product(mean.reshape(*mean.shape[:-1], 2, 3), memory.axes.rows)
     return state, product(product(turn.swapaxes(-1, -2), spread), turn)
 
 

@@ -269,9 +269,7 @@ def correct(
     by_speed += v
     moments = _joined(weights, by_place, by_speed, *after)
     paced = in_pace(ladder)
-    return Ladder(
-        ladder.origin + shift, moments, own, paced.interval, paced.since, certainty
-    )
+    return Ladder(ladder.origin + shift, moments, own, paced.interval, paced.since, certainty)
 
 
 def in_pace(ladder: Ladder) -> Ladder:

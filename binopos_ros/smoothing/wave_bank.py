@@ -76,7 +76,7 @@ _SETTLING = np.where(bases.MOTION == 0, 0.3, 1.0)
 _APART = np.eye(MODELS)
 _APART[:, 0] -= 1.0
 _SQUARES = MODELS * SIZE * SIZE
-_OUTER_LEFT, _OUTER_RIGHT = bases.outer_bases()
+_OUTER_LEFT, _OUTER_RIGHT = bases.outer_places()
 _WAVE_SPREAD = bases.wave_spread()
 _SEEN_STATES, _SEEN_COVARIANCES = bases.seen_states(), bases.seen_covariances()
 _OVER_COMPONENTS = bases.over_components()
@@ -280,8 +280,8 @@ def moments(bank: Hypotheses) -> tuple[Array, Array]:
 
 def outer(left: Array, right: Array) -> Array:
     """Return x y^T (..., M, n 3 n) of each hypothesis and axis, of rows (..., M, n 3)."""
-    result = left.dot(_OUTER_LEFT)
-    result *= right.dot(_OUTER_RIGHT)
+    result = left.take(_OUTER_LEFT, axis=-1)
+    result *= right.take(_OUTER_RIGHT, axis=-1)
     return result
 
 

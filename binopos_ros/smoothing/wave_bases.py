@@ -189,18 +189,15 @@ def switches(motion: Motion) -> tuple[Array, Array, Array]:
     )
 
 
-def outer_bases() -> tuple[Array, Array]:
-    """Return (n 3, n 3 n) bases L, R: x of (n, 3), as a row, makes x y^T as (x @ L) * (y @ R).
+def outer_places() -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return places (n 3 n,) L, R in rows x, y of (n 3,): x[L] * y[R] is x y^T of each axis.
 
     The result is (n, 3, n): row, axis, column of each axis' product.
     """
-    left = np.zeros((SIZE, AXES, SIZE, AXES, SIZE))
-    right = np.zeros((SIZE, AXES, SIZE, AXES, SIZE))
-    for row in range(SIZE):
-        for axis in range(AXES):
-            left[row, axis, row, axis, :] = 1.0
-            right[row, axis, :, axis, row] = 1.0
-    return left.reshape(STATES, -1), right.reshape(STATES, -1)
+    places = np.arange(STATES).reshape(SIZE, AXES)
+    left = np.broadcast_to(places[:, :, None], (SIZE, AXES, SIZE))
+    right = np.broadcast_to(places.T, (SIZE, AXES, SIZE))
+    return left.ravel(), right.ravel()
 
 
 def wave_spread() -> Array:
