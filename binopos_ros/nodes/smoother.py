@@ -37,6 +37,7 @@ class SmootherNode(StageNode):
         )
         self._frame_id = fixed.fixed_frame
         self._timer: Timer | None = None
+        self._ticked = 0
         self._build()
         self._health = HealthMonitor()
         self._platform = Platform(fixed)
@@ -118,7 +119,12 @@ class SmootherNode(StageNode):
         self._health.refuse(reason)
 
     def _on_tick(self) -> None:
-        pose = self._smoother.predict(self.get_clock().now().nanoseconds)
+        now = self.get_clock().now().nanoseconds
+        if now == self._ticked:
+            # /clock has not moved since the last tick: that pose is out.
+            return
+        self._ticked = now
+        pose = self._smoother.predict(now)
         if pose is not None:
             self._publish(pose)
 

@@ -7,9 +7,11 @@ import time
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -84,6 +86,33 @@ def test_at_a_fixed_rate_the_pose_is_foretold_for_the_sensor_timeout_and_then_st
     assert stamp_of(after()[-1]) <= last + 3_000_000_000
     variances = [np.trace(covariance_of(message)[:3, :3]) for message in after()]
     assert variances == sorted(variances)
+
+
+def test_a_clock_that_stands_gives_no_pose_of_its_stamp_a_second_time(start, peer):
+    start('smoother', parameters={'smoother': {'output_rate': 200.0, 'use_sim_time': True}})
+    positions = peer.publisher(PoseWithCovarianceStamped, 'target/position')
+    clock = peer.publisher(Clock, '/clock')
+    poses = peer.listen(PoseWithCovarianceStamped, 'target/pose')
+    peer.connect(positions, clock, inputs=('target/pose',))
+    now = 0
+
+    def ticked(known: int) -> bool:
+        """Let a millisecond pass, and say so more than once."""
+        nonlocal now
+        now += 1_000_000
+        seconds, nanoseconds = divmod(now, 1_000_000_000)
+        for _ in range(4):
+            clock.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+        return len(poses) > known
+
+    for k in range(1, 31):
+        now = max(now, k * PERIOD)
+        positions.publish(position(k * PERIOD, 0.0))
+        if k > 2:
+            peer.wait_for(lambda known=len(poses): ticked(known), f'a pose after frame {k}')
+    stamps = [stamp_of(message) for message in poses]
+    assert len(stamps) > 20
+    assert stamps == sorted(set(stamps))
 
 
 def test_a_wrong_position_is_refused_counted_and_not_followed(start, peer):
