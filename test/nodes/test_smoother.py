@@ -108,8 +108,9 @@ def test_a_clock_that_stands_gives_no_pose_of_its_stamp_a_second_time(start, pee
     for k in range(1, 31):
         now = max(now, k * PERIOD)
         positions.publish(position(k * PERIOD, 0.0))
+        known = len(poses)
         if k > 2:
-            peer.wait_for(lambda known=len(poses): ticked(known), f'a pose after frame {k}')
+            peer.wait_for(lambda known=known: ticked(known), f'a pose after frame {k}')
     stamps = [stamp_of(message) for message in poses]
     assert len(stamps) > 20
     assert stamps == sorted(set(stamps))
