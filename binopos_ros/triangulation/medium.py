@@ -48,6 +48,8 @@ _DOUBTED = 10.0
 #: The misses of basins' waves of 1.6 to 6 Hz come out at 3.3 Hz and more: slopes curve the most
 #: where waves are short.
 _LONG_WAVES = 2.5
+#: Frames of a period by which waves are told from longer ones.
+_FEWEST_FRAMES = 3.0
 #: Slower waves (Hz) leave no miss that pixels show.
 _SLOWEST = 0.5
 #: Deviations of what chance adds to the misses' variance that are needed to tell a frequency, and
@@ -231,10 +233,13 @@ class MediumMeter:
         frequency = self.frequency
         level, height = self.level, float(self._normal.dot(point))
         depth = max(height - self._distance, 0.0)
-        is_short = level > 0.0 and not frequency < _LONG_WAVES
+        shifted = level * level * noise if level > 0.0 else _NOTHING
         # Long waves swing too slowly to count as noise.
-        short = level * level * noise if is_short else _NOTHING
+        short = _NOTHING if frequency < _LONG_WAVES else shifted
         long = self._long(frequency, depth, point, noise)
+        if math.isnan(frequency) and self._lag * _LONG_WAVES * _FEWEST_FRAMES > 1.0:
+            # Frames as rare never tell that waves are short: what is not told is not averaged.
+            short, long = _NOTHING, shifted
         if self._may_swell and not (level > 0.0 and self._surely_short):
             along_normal = float(self._normal.dot(noise).dot(self._normal))
             long = long + self._raised(depth, *self._heights.add(stamp, height, along_normal))
