@@ -7,6 +7,9 @@ with an index of 0 keeps its velocity for ever, one with an index of 1e7 is wher
 last. The rungs of the ladder are these and the decades between, so the bank needs no metre and no
 second: the same motion at another scale, rate or distance is filtered alike.
 
+A target that goes to and fro within five frames, as one does before a rig that is shaken, has a
+velocity that foretells the wrong side. Two rungs more let it wander without one.
+
 Each axis has a ladder of its own, so that a target that swings to and fro sideways may rest along
 the line of sight. The rungs interact as in Blom & Bar-Shalom, "The interacting multiple model
 algorithm for systems with Markovian switching coefficients", IEEE TAC 33(8), 1988, by a Markov
@@ -43,15 +46,23 @@ from binopos_ros.smoothing.scalars import (
 
 Array = NDArray[np.float64]
 
-#: Manoeuvring indices of the rungs: at rest, steady, and a decade each. A target at rest has no
-#: velocity.
-INDICES = np.array([0.0, 0.0, *(10.0**decade for decade in range(-5, 8))])
+#: Variances that a target without a velocity gains per frame, in those of a measurement: one at
+#: rest, and such as go to and fro within so few frames that no velocity foretells them.
+GAINED = (0.0, 3.0, 30.0)
+#: Manoeuvring indices of the rungs: of these, of a steady target, and a decade each.
+_DECADES = range(-5, 8)
+INDICES = np.array([*(0.0 for _ in GAINED), 0.0, *(10.0**decade for decade in _DECADES)])
 RUNGS = INDICES.size
-REST = 0
+REST, STEADY = 0, len(GAINED)
+#: The rungs without a velocity.
+STANDING = slice(STEADY)
+#: How high each rung is, in decades: one that wanders is as high as its number.
+HEIGHTS = np.arange(RUNGS) - STEADY + 1.0
+HEIGHTS[STANDING] = 0.0, *(np.log10(GAINED[1:]) - _DECADES[0] + HEIGHTS[STEADY + 1])
 #: Frames for which a target stays on a rung in the mean: longer where it is steady, as the lower
 #: rungs are told from each other the later.
 _DWELLS = np.where(INDICES < 0.1, 100.0, 20.0)
-_DWELLS[REST + 1] = 200.0
+_DWELLS[STANDING], _DWELLS[STEADY] = 20.0, 200.0
 #: A rung further is that much rarer.
 _FARTHER = 0.5
 #: Deviation of the velocity at first on a rung, in those that it gains in a frame.
@@ -78,8 +89,14 @@ _LOG_TWO_PI = math.log(2.0 * math.pi)
 
 # Of all axes, as each has rungs of its own.
 _DRIVEN = np.tile(INDICES, (3, 1))
+_WALKED = np.zeros((3, RUNGS))
+_WALKED[:, STANDING] = GAINED
 _FIRST_SPEEDS = np.maximum(_FIRST_SPEED**2 * _DRIVEN, _LEAST_FIRST_SPEED**2)
-_FIRST_SPEEDS[:, REST] = 0.0
+_FIRST_SPEEDS[:, STANDING] = 0.0
+# None is taken for one that wanders before it was seen to.
+_FIRST_WEIGHTS = np.ones((3, RUNGS))
+_FIRST_WEIGHTS[:, REST + 1 : STEADY] = _LEAST_WEIGHT
+_FIRST_WEIGHTS /= _FIRST_WEIGHTS.sum(axis=1, keepdims=True)
 #: What sums over rungs, once for each axis and once for each of its rungs.
 _SUM, _SUMS = np.ones(RUNGS), np.ones((RUNGS, RUNGS))
 #: What takes a number of each axis to all its rungs.
@@ -93,20 +110,21 @@ _LEFT, _RIGHT = np.array([0, 0, 1]), np.array([0, 1, 1])
 
 
 def _motion() -> Array:
-    """Return the basis of what moments become over a time: (6, MOMENTS, MOMENTS + 1).
+    """Return the basis of what moments become over a time: (7, MOMENTS, MOMENTS + 2).
 
-    For 1, the time and its square, then for what the last column drives: white acceleration's
-    part in the moments pp, pv and vv.
+    For 1, the time and its square, then for what the last column but one drives, white
+    acceleration's part in the moments pp, pv and vv, and for the last, white velocity's in pp.
     """
-    basis = np.zeros((6, MOMENTS, MOMENTS + 1))
-    one, time, squared, *driven = basis
+    basis = np.zeros((7, MOMENTS, MOMENTS + 2))
+    one, time, squared, *driven, walked = basis
     np.fill_diagonal(one, 1.0)
     time[P, V] = time[PV, VV] = 1.0
     time[PP, PV] = 2.0
     squared[PP, VV] = 1.0
     for each, moment in zip(driven, (PP, PV, VV), strict=True):
         each[moment, MOMENTS] = 1.0
-    return basis.reshape(6, -1)
+    walked[PP, MOMENTS + 1] = 1.0
+    return basis.reshape(7, -1)
 
 
 _MOTION = _motion()
@@ -123,8 +141,8 @@ def switching(resting_frames: float) -> Switching:
     """Return how a target changes from rung to rung that stays at rest for so many frames."""
     dwells = _DWELLS.copy()
     dwells[REST] = resting_frames
-    apart = np.abs(np.subtract.outer(np.arange(RUNGS), np.arange(RUNGS)))
-    shares = np.where(apart == 0, 0.0, _FARTHER**apart)
+    shares = _FARTHER ** np.abs(np.subtract.outer(HEIGHTS, HEIGHTS))
+    np.fill_diagonal(shares, 0.0)
     rates = shares / shares.sum(axis=1, keepdims=True) / dwells[:, None]
     eigenvalues, projections = eigenbasis(rates - np.diag(rates.sum(axis=1)))
     return Switching(eigenvalues, projections.reshape(RUNGS, -1))
@@ -164,8 +182,8 @@ def start(position: Array, variance: Array) -> Ladder:
     batch = position.shape[:-1]
     moments = np.zeros((*batch, MOMENTS, 3, RUNGS))
     own = _for_rungs(variance)
-    moments[..., WEIGHT, :, :] = 1.0 / RUNGS
-    moments[..., PP, :, :] = own / RUNGS
+    moments[..., WEIGHT, :, :] = _FIRST_WEIGHTS
+    moments[..., PP, :, :] = own * _FIRST_WEIGHTS
     never = np.zeros(batch) if batch else 0.0
     return Ladder(position, moments, own, never, never, 1.0 + never)
 
@@ -178,7 +196,7 @@ def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
     batch = moments.shape[:-3]
     frames = elapsed / interval
     switch = np.exp(beside(frames, 1) * chain.rates).dot(chain.projections)
-    mixed = np.empty((*batch, MOMENTS + 1, 3, RUNGS))
+    mixed = np.empty((*batch, MOMENTS + 2, 3, RUNGS))
     flat = mixed.reshape(*batch, -1, RUNGS)
     # From the row's rung to the column's.
     np.matmul(
@@ -186,13 +204,15 @@ def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
         switch.reshape(*batch, RUNGS, RUNGS),
         out=flat[..., : 3 * MOMENTS, :],
     )
-    mixed[..., V, :, REST] = mixed[..., PV:MOMENTS, :, REST] = 0.0
-    np.multiply(mixed[..., WEIGHT, :, :], variance * _DRIVEN, out=mixed[..., MOMENTS, :, :])
+    mixed[..., V, :, STANDING] = mixed[..., PV:MOMENTS, :, STANDING] = 0.0
+    unit = mixed[..., WEIGHT, :, :] * variance
+    np.multiply(unit, _DRIVEN, out=mixed[..., MOMENTS, :, :])
+    np.multiply(unit, _WALKED, out=mixed[..., MOMENTS + 1, :, :])
     rate = 1.0 / interval
-    gained = frames**3 / 3.0, 0.5 * rate * frames**2, frames * rate * rate
+    gained = frames**3 / 3.0, 0.5 * rate * frames**2, frames * rate * rate, frames
     powers = vector((1.0 + 0.0 * elapsed, elapsed, elapsed * elapsed, *gained))
-    motion = powers.dot(_MOTION).reshape(*batch, MOMENTS, MOMENTS + 1)
-    moved = product(motion, mixed.reshape(*batch, MOMENTS + 1, 3 * RUNGS))
+    motion = powers.dot(_MOTION).reshape(*batch, MOMENTS, MOMENTS + 2)
+    moved = product(motion, mixed.reshape(*batch, MOMENTS + 2, 3 * RUNGS))
     moved = moved.reshape(moments.shape)
     return Ladder(origin, moved, variance, interval, since + elapsed, certainty)
 
@@ -290,8 +310,8 @@ def begun(ladder: Ladder, mean: Array, covariance: Array) -> Ladder:
     across = covariance.diagonal(offset=3, axis1=-2, axis2=-1)
     parts = (0.0 * place, speed, variances[..., :3], across, variances[..., 3:])
     spread = [_for_rungs(part) for part in parts]
-    moments = _joined(np.full_like(spread[0], 1.0 / RUNGS), *spread)
-    moments[..., V, :, REST] = moments[..., PV:, :, REST] = 0.0
+    moments = _joined(np.broadcast_to(_FIRST_WEIGHTS, spread[0].shape), *spread)
+    moments[..., V, :, STANDING] = moments[..., PV:, :, STANDING] = 0.0
     return ladder._replace(origin=place, moments=moments, certainty=1.0 + 0.0 * ladder.since)
 
 

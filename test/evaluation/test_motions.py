@@ -48,19 +48,18 @@ def test_pose_before_a_swinging_rig_is_no_worse_than_its_positions_and_honest():
 
 
 @pytest.mark.parametrize(
-    ('conditions', 'most'),
+    'conditions',
     [
-        # The known miss: a rig that is shaken at 2 Hz, which is five frames to and fro.
-        (Conditions(rate=10.0, distance=0.2, pixel_std=0.5), 1.1),
-        (Conditions(rate=30.0, distance=1.0, pixel_std=0.1), 1.05),
-        (Conditions(rate=100.0, distance=3.0, pixel_std=0.01), 1.05),
+        Conditions(rate=10.0, distance=0.2, pixel_std=0.5),
+        Conditions(rate=30.0, distance=1.0, pixel_std=0.1),
+        Conditions(rate=100.0, distance=3.0, pixel_std=0.01),
     ],
     ids=['10 Hz, 0.2 m, 0.5 px', '30 Hz, 1 m, 0.1 px', '100 Hz, 3 m, 0.01 px'],
 )
-def test_no_motion_behind_ports_comes_out_worse_than_its_positions(conditions, most):
+def test_no_motion_behind_ports_comes_out_worse_than_its_positions(conditions):
     found = scores(conditions)
     for kind, some in found.items():
-        assert max(each.ratio for each in some) <= most, kind
+        assert max(each.ratio for each in some) <= 1.05, kind
     every = [each for some in found.values() for each in some]
     assert 0.5 < np.mean([each.normalised for each in every]) < 2.0
     assert 0.9 < np.mean([each.inside for each in every]) < 0.99
@@ -79,6 +78,14 @@ def test_no_motion_behind_ports_comes_out_worse_than_its_positions(conditions, m
 def test_few_detections_and_covariances_that_are_not_true_cost_little(conditions, most):
     for kind, some in scores(conditions, seeds=(0,)).items():
         assert max(each.ratio for each in some) <= most, kind
+
+
+@pytest.mark.parametrize('pixel_std', [0.35, 0.5, 0.7])
+def test_a_motion_of_five_frames_and_of_the_size_of_the_noise_is_not_foretold(pixel_std):
+    # A rig that is shaken at 2 Hz, seen at 10: a velocity foretells the wrong side.
+    conditions = Conditions(rate=10.0, distance=0.3, pixel_std=pixel_std)
+    (found,) = scores(conditions, kinds=('shaken rig',), seeds=range(10, 20)).values()
+    assert max(each.ratio for each in found) <= 1.05
 
 
 def test_the_fastest_motion_of_a_rig_far_from_its_target_is_followed():
@@ -186,6 +193,7 @@ def test_swell_over_a_still_target_is_covered_at_any_frame_rate(rate):
     for seed in range(4):
         rig, views = draw_water('swell', 'still', seed, frames=int(10.0 * rate), rate=rate)
         found.append(score(views, *track(rig, views)))
+    assert max(each.ratio for each in found) <= 1.05
     assert np.mean([each.inside for each in found]) >= 0.85
     assert np.mean([each.normalised for each in found]) < 2.0
 

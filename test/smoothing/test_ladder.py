@@ -80,6 +80,25 @@ def test_a_rung_by_itself_is_the_kalman_filter_of_its_index():
     np.testing.assert_allclose(covariance[0, 0], peer.P[0, 0], rtol=0.2)
 
 
+def test_a_ladder_begins_with_what_another_filter_says():
+    random = np.random.default_rng(2)
+    root = random.normal(size=(6, 6))
+    mean, covariance = np.concatenate([PLACE, [0.1, 0.0, -0.2]]), root @ root.T
+    begun = ladder.begun(ladder.start(PLACE + 1.0, np.ones(3)), mean, covariance)
+    np.testing.assert_allclose(ladder.mean_position(begun), PLACE, atol=1e-12)
+    shares = begun.moments[ladder.WEIGHT]
+    for moment, expected in (
+        (ladder.V, mean[3:]),
+        (ladder.PP, np.diagonal(covariance)[:3]),
+        (ladder.PV, np.diagonal(covariance, 3)),
+        (ladder.VV, np.diagonal(covariance)[3:] + mean[3:] ** 2),
+    ):
+        found = (begun.moments[moment] / shares)[:, ladder.STEADY :]
+        np.testing.assert_allclose(found, np.tile(expected, (found.shape[1], 1)).T, atol=1e-12)
+    # What has no velocity begins without one.
+    assert np.all(begun.moments[ladder.V, :, ladder.STANDING] == 0.0)
+
+
 def test_velocity_is_unbiased_on_a_circle():
     random = np.random.default_rng(3)
     stamps = np.arange(600) / 30.0
