@@ -1,10 +1,11 @@
 """Time per step of the smoothers beside filterpy's predict and update.
 
-python bench/smoothing/speed.py
+python bench/smoothing/speed.py [FILTER ...] (all by default)
 """
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Sequence
 
@@ -16,7 +17,7 @@ from binopos_ros.smoothing import FILTERS, make_filter
 
 ROUNDS = 5
 PEER = 'filterpy predict + update'
-WAVES = 'cloud-kalman under waves'
+WAVES, RIPPLES = 'cloud-kalman under waves', 'cloud-kalman under ripples'
 
 Step = tuple[float, np.ndarray, np.ndarray] | tuple[float, np.ndarray, np.ndarray, np.ndarray]
 
@@ -30,10 +31,16 @@ def main() -> None:
     ]
     # As if the rays' miss had told of waves that double the deviation.
     waving = [(stamp, place, 4.0 * noise, 3.0 * noise) for stamp, place, noise in steps]
+    # And of such as are between calm and rough, where two filters are blended.
+    rippling = [(stamp, place, 1.7 * noise, 0.7 * noise) for stamp, place, noise in steps]
     runs: dict[str, tuple[Callable[[], Callable[..., object]], Sequence[Step]]] = {
         PEER: (filterpy_step, steps),
         WAVES: (lambda: make_filter('cloud-kalman').step, waving),
-        **{name: (lambda name=name: make_filter(name).step, steps) for name in FILTERS},
+        RIPPLES: (lambda: make_filter('cloud-kalman').step, rippling),
+        **{
+            name: (lambda name=name: make_filter(name).step, steps)
+            for name in sys.argv[1:] or FILTERS
+        },
     }
     seconds: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(ROUNDS):
