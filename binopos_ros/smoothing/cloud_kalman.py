@@ -23,6 +23,7 @@ from binopos_ros.smoothing.base import Estimate, Filter
 from binopos_ros.smoothing.ladder import Ladder
 from binopos_ros.smoothing.motion import Seconds
 from binopos_ros.smoothing.options import Options, option
+from binopos_ros.smoothing.rungs import switching
 from binopos_ros.smoothing.scalars import (
     Number,
     anywhere,
@@ -104,7 +105,7 @@ class CloudKalmanFilter(Filter[_Memory]):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        self._chain = ladder.switching(self.options.resting_frames)
+        self._chain = switching(self.options.resting_frames)
 
     def spread(self, covariance: Array, medium: Array | None = None) -> Array:
         """Return the noise's part (..., 1, 3, 3), or that and the medium's (..., 2, 3, 3)."""

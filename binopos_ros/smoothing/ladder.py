@@ -30,8 +30,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.smoothing.chain import eigenbasis
 from binopos_ros.smoothing.motion import Seconds
+from binopos_ros.smoothing.rungs import (
+    DRIVEN,
+    FIRST_SPEEDS,
+    FIRST_WEIGHTS,
+    FOLLOWS,
+    LEAST_WEIGHT,
+    RUNGS,
+    STANDING,
+    WALKED,
+    Switching,
+)
 from binopos_ros.smoothing.scalars import (
     Number,
     anywhere,
@@ -46,37 +56,10 @@ from binopos_ros.smoothing.scalars import (
 
 Array = NDArray[np.float64]
 
-#: Variances that a target without a velocity gains per frame, in those of a measurement: one at
-#: rest, and such as go to and fro within so few frames that no velocity foretells them.
-GAINED = (0.0, 3.0, 30.0)
-#: Manoeuvring indices of the rungs: of these, of a steady target, and a decade each.
-_DECADES = range(-5, 8)
-INDICES = np.array([*(0.0 for _ in GAINED), 0.0, *(10.0**decade for decade in _DECADES)])
-RUNGS = INDICES.size
-REST, STEADY = 0, len(GAINED)
-#: The rungs without a velocity.
-STANDING = slice(STEADY)
-#: How high each rung is, in decades: one that wanders is as high as its number.
-HEIGHTS = np.arange(RUNGS) - STEADY + 1.0
-HEIGHTS[STANDING] = 0.0, *(np.log10(GAINED[1:]) - _DECADES[0] + HEIGHTS[STEADY + 1])
-#: Frames for which a target stays on a rung in the mean: longer where it is steady, as the lower
-#: rungs are told from each other the later.
-_DWELLS = np.where(INDICES < 0.1, 100.0, 20.0)
-_DWELLS[STANDING], _DWELLS[STEADY] = 20.0, 200.0
-#: A rung further is that much rarer.
-_FARTHER = 0.5
-#: Deviation of the velocity at first on a rung, in those that it gains in a frame.
-_FIRST_SPEED = 10.0
-#: Of a velocity of which a rung itself says nothing, per frame, in deviations of the measurement.
-_LEAST_FIRST_SPEED = 1.0
-#: From this rung on the gain of the position is above 0.97: taken for 1, so that nothing lags.
-_FOLLOWS = int(np.searchsorted(INDICES, 100.0))
 #: Share of the newest interval in the time between frames, and how far it may differ.
 _NEW_INTERVAL, _LONGEST_RATIO = 0.1, 3.0
 #: No camera is quicker, none is slower (s).
 _INTERVALS = (1e-6, 1e3)
-#: No rung is ever ruled out for good.
-_LEAST_WEIGHT = 1e-12
 #: Share of wrong positions right after a wrong one: they come in bursts.
 _AGAIN = 0.8
 #: What is near enough to a prediction to be taken without a question, in deviations.
@@ -87,16 +70,6 @@ _LOG_DENSITY = -math.log(4.0 * math.pi * math.log(1e4))
 _LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
-# Of all axes, as each has rungs of its own.
-_DRIVEN = np.tile(INDICES, (3, 1))
-_WALKED = np.zeros((3, RUNGS))
-_WALKED[:, STANDING] = GAINED
-_FIRST_SPEEDS = np.maximum(_FIRST_SPEED**2 * _DRIVEN, _LEAST_FIRST_SPEED**2)
-_FIRST_SPEEDS[:, STANDING] = 0.0
-# None is taken for one that wanders before it was seen to.
-_FIRST_WEIGHTS = np.ones((3, RUNGS))
-_FIRST_WEIGHTS[:, REST + 1 : STEADY] = _LEAST_WEIGHT
-_FIRST_WEIGHTS /= _FIRST_WEIGHTS.sum(axis=1, keepdims=True)
 #: What sums over rungs, once for each axis and once for each of its rungs.
 _SUM, _SUMS = np.ones(RUNGS), np.ones((RUNGS, RUNGS))
 #: What takes a number of each axis to all its rungs.
@@ -128,24 +101,6 @@ def _motion() -> Array:
 
 
 _MOTION = _motion()
-
-
-class Switching(NamedTuple):
-    """Of the rungs' Markov chain: eigenvalues (R,) per frame, and projections (R, R * R)."""
-
-    rates: Array
-    projections: Array
-
-
-def switching(resting_frames: float) -> Switching:
-    """Return how a target changes from rung to rung that stays at rest for so many frames."""
-    dwells = _DWELLS.copy()
-    dwells[REST] = resting_frames
-    shares = _FARTHER ** np.abs(np.subtract.outer(HEIGHTS, HEIGHTS))
-    np.fill_diagonal(shares, 0.0)
-    rates = shares / shares.sum(axis=1, keepdims=True) / dwells[:, None]
-    eigenvalues, projections = eigenbasis(rates - np.diag(rates.sum(axis=1)))
-    return Switching(eigenvalues, projections.reshape(RUNGS, -1))
 
 
 class Ladder(NamedTuple):
@@ -182,8 +137,8 @@ def start(position: Array, variance: Array) -> Ladder:
     batch = position.shape[:-1]
     moments = np.zeros((*batch, MOMENTS, 3, RUNGS))
     own = _for_rungs(variance)
-    moments[..., WEIGHT, :, :] = _FIRST_WEIGHTS
-    moments[..., PP, :, :] = own * _FIRST_WEIGHTS
+    moments[..., WEIGHT, :, :] = FIRST_WEIGHTS
+    moments[..., PP, :, :] = own * FIRST_WEIGHTS
     never = np.zeros(batch) if batch else 0.0
     return Ladder(position, moments, own, never, never, 1.0 + never)
 
@@ -206,8 +161,8 @@ def advance(ladder: Ladder, chain: Switching, elapsed: Seconds) -> Ladder:
     )
     mixed[..., V, :, STANDING] = mixed[..., PV:MOMENTS, :, STANDING] = 0.0
     unit = mixed[..., WEIGHT, :, :] * variance
-    np.multiply(unit, _DRIVEN, out=mixed[..., MOMENTS, :, :])
-    np.multiply(unit, _WALKED, out=mixed[..., MOMENTS + 1, :, :])
+    np.multiply(unit, DRIVEN, out=mixed[..., MOMENTS, :, :])
+    np.multiply(unit, WALKED, out=mixed[..., MOMENTS + 1, :, :])
     rate = 1.0 / interval
     gained = frames**3 / 3.0, 0.5 * rate * frames**2, frames * rate * rate, frames
     powers = vector((1.0 + 0.0 * elapsed, elapsed, elapsed * elapsed, *gained))
@@ -222,7 +177,7 @@ def _with_speeds(ladder: Ladder, elapsed: Seconds) -> Ladder:
     new = ladder.interval == 0.0
     interval = _first_interval(ladder, elapsed)
     moments = ladder.moments.copy()
-    speeds = moments[..., WEIGHT, :, :] * ladder.variance * _FIRST_SPEEDS
+    speeds = moments[..., WEIGHT, :, :] * ladder.variance * FIRST_SPEEDS
     moments[..., VV, :, :] += beside(new / (interval * interval), 2) * speeds
     return ladder._replace(moments=moments, interval=interval)
 
@@ -261,7 +216,7 @@ def correct(
     x, y, z = components(off - shift)
     # The gain is the optimal one or, on rungs that follow, 1.
     near, turn = pp / expected, pv / expected
-    near[..., _FOLLOWS:] = 1.0
+    near[..., FOLLOWS:] = 1.0
     by_place, by_speed = near * apart, turn * apart
     after = near * own, turn * own, vv - turn * pv
     within = 0.5 * acceleration * ladder.since * ladder.since
@@ -272,7 +227,7 @@ def correct(
     certainty: Number = 1.0 + 0.0 * ladder.since
     if doubt is None:
         weights, _ = _weighed(weights, apart, expected)
-        np.maximum(weights, _LEAST_WEIGHT, out=weights)
+        np.maximum(weights, LEAST_WEIGHT, out=weights)
     else:
         weights, taken, certainty = doubt
         pp_after, pv_after, vv_after = after
@@ -310,7 +265,7 @@ def begun(ladder: Ladder, mean: Array, covariance: Array) -> Ladder:
     across = covariance.diagonal(offset=3, axis1=-2, axis2=-1)
     parts = (0.0 * place, speed, variances[..., :3], across, variances[..., 3:])
     spread = [_for_rungs(part) for part in parts]
-    moments = _joined(np.broadcast_to(_FIRST_WEIGHTS, spread[0].shape), *spread)
+    moments = _joined(np.broadcast_to(FIRST_WEIGHTS, spread[0].shape), *spread)
     moments[..., V, :, STANDING] = moments[..., PV:, :, STANDING] = 0.0
     return ladder._replace(origin=place, moments=moments, certainty=1.0 + 0.0 * ladder.since)
 
@@ -354,7 +309,7 @@ def _doubt(
     certainty = np.where(astray, 1.0 / (1.0 + odds), 1.0)
     sure = certainty[..., None, None]
     seen *= sure
-    weights = np.maximum(seen + (1.0 - sure) * weights, _LEAST_WEIGHT)
+    weights = np.maximum(seen + (1.0 - sure) * weights, LEAST_WEIGHT)
     return weights, np.minimum(seen / weights, 1.0), certainty[()]
 
 

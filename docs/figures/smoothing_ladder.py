@@ -15,7 +15,7 @@ mpl.use('Agg')
 import matplotlib.pyplot as plt
 import numpy as np
 
-from binopos_ros.smoothing import ladder
+from binopos_ros.smoothing import ladder, rungs
 
 RATE = 30.0
 #: Deviation of a measured position (mm).
@@ -34,7 +34,7 @@ def main() -> None:
     truth = 20.0 * going + 8.0 * shaken * np.sin(2.0 * np.pi * 3.0 * (stamps - SHAKES))
     measured = truth + np.random.default_rng(1).normal(0.0, NOISE, stamps.size)
     filtered, shares = run(measured)
-    figure, (path, errors, rungs) = plt.subplots(
+    figure, (path, errors, shares_of) = plt.subplots(
         3, 1, figsize=(8, 7), sharex=True, height_ratios=(2, 2, 3), layout='constrained'
     )
     path.plot(stamps, truth, 'k', lw=1)
@@ -44,18 +44,18 @@ def main() -> None:
     errors.plot(stamps, filtered - truth, color='tab:red', label='poses')
     errors.set_ylabel('error (mm)')
     errors.legend(loc='lower left', ncol=2)
-    order = np.argsort(ladder.HEIGHTS, kind='stable')
-    rungs.pcolormesh(stamps, np.arange(ladder.RUNGS), shares[:, order].T, cmap='Blues')
-    rungs.set_yticks(np.arange(ladder.RUNGS), [names()[rung] for rung in order], fontsize=7)
-    rungs.set_ylabel('probability of each rung')
-    rungs.set_xlabel('time (s)')
+    order = np.argsort(rungs.HEIGHTS, kind='stable')
+    shares_of.pcolormesh(stamps, np.arange(rungs.RUNGS), shares[:, order].T, cmap='Blues')
+    shares_of.set_yticks(np.arange(rungs.RUNGS), [names()[rung] for rung in order], fontsize=7)
+    shares_of.set_ylabel('probability of each rung')
+    shares_of.set_xlabel('time (s)')
     figure.savefig(target, dpi=100)
 
 
 def run(measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return poses (n,), mm, and the probabilities (n, R) of the rungs, along one axis."""
     variance = np.full(3, NOISE**2)
-    chain = ladder.switching(20.0)
+    chain = rungs.switching(20.0)
     now = ladder.start(np.full(3, measured[0]), variance)
     poses, shares = [], []
     for number, position in enumerate(measured):
@@ -69,8 +69,8 @@ def run(measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def names() -> list[str]:
     """Return what each rung is called."""
-    standing = ['at rest', *(f'wanders, {gained:g}' for gained in ladder.GAINED[1:])]
-    return [*standing, 'steady', *(f'{index:g}' for index in ladder.INDICES[ladder.STEADY + 1 :])]
+    standing = ['at rest', *(f'wanders, {gained:g}' for gained in rungs.GAINED[1:])]
+    return [*standing, 'steady', *(f'{index:g}' for index in rungs.INDICES[rungs.STEADY + 1 :])]
 
 
 if __name__ == '__main__':

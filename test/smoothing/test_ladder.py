@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter as PeerFilter
 
-from binopos_ros.smoothing import ladder, make_filter
+from binopos_ros.smoothing import ladder, make_filter, rungs
 
 PLACE = np.array([0.1, -0.05, 1.2])
 COVARIANCE = np.array([[2e-8, 0, 3e-9], [0, 1e-8, 0], [3e-9, 0, 1e-6]])
@@ -48,7 +48,7 @@ def test_the_same_motion_at_another_scale_is_filtered_alike(length, time):
 def test_a_rung_by_itself_is_the_kalman_filter_of_its_index():
     # Without switches and with one rung's weight alone, what is left is a plain Kalman filter.
     rung, variance, elapsed = 5, np.array([4e-8, 1e-8, 1e-6]), 1.0 / 30.0
-    index = ladder.INDICES[rung]
+    index = rungs.INDICES[rung]
     assert 0.0 < index < 1.0
     now = ladder.start(PLACE, variance)
     weights = np.full_like(now.moments[ladder.WEIGHT], 1e-200)
@@ -58,7 +58,7 @@ def test_a_rung_by_itself_is_the_kalman_filter_of_its_index():
         """Return the bank with that rung's weight alone."""
         return bank._replace(moments=bank.moments / bank.moments[ladder.WEIGHT] * weights)
 
-    chain, random = ladder.switching(20.0), np.random.default_rng(1)
+    chain, random = rungs.switching(20.0), np.random.default_rng(1)
     peer = PeerFilter(dim_x=2, dim_z=1)
     peer.H = np.array([[1.0, 0.0]])
     peer.R = np.array([[variance[0]]])
@@ -93,10 +93,10 @@ def test_a_ladder_begins_with_what_another_filter_says():
         (ladder.PV, np.diagonal(covariance, 3)),
         (ladder.VV, np.diagonal(covariance)[3:] + mean[3:] ** 2),
     ):
-        found = (begun.moments[moment] / shares)[:, ladder.STEADY :]
+        found = (begun.moments[moment] / shares)[:, rungs.STEADY :]
         np.testing.assert_allclose(found, np.tile(expected, (found.shape[1], 1)).T, atol=1e-12)
     # What has no velocity begins without one.
-    assert np.all(begun.moments[ladder.V, :, ladder.STANDING] == 0.0)
+    assert np.all(begun.moments[ladder.V, :, rungs.STANDING] == 0.0)
 
 
 def test_velocity_is_unbiased_on_a_circle():
