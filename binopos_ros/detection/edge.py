@@ -58,19 +58,13 @@ START_BLUR, LEAST_BLUR, MOST_BLUR = 0.9, 0.3, 3.0
 SHARED_NOISE = 0.01
 """Part of equal noise in all channels that is mixed into the noise found along the edge."""
 
-RETURNED = 0.35
-"""Share of the fit's mean leverage by which neighbours' residuals are too little correlated."""
-
-SHARED_EDGE = 9.5
-"""How many pixels' worth of an edge of common blur a block covers."""
-
-LEVERAGE_PIXELS = 150
-"""The mean leverage is taken over about as many pixels."""
-
-LEAST_FACTOR = 0.8
 LUMA_FACTOR, CHROMA_FACTOR = 0.4, 7.0
-"""JPEG's rounding follows the picture, so the fit takes it for outline and residuals do not show
-it: so much of it comes on top (rendered discs of 8 to 120 px, quality 70 to 95, 4:2:0)."""
+"""How much of JPEG's rounding the channels' weights allow for, beside what the residuals show
+(rendered discs of 8 to 120 px, quality 70 to 95, 4:2:0)."""
+
+UNSEEN = 0.3
+"""Share of that which follows the picture, so that the fit takes it for outline and no wave of
+the residuals shows it."""
 
 SHADED = 0.12
 """From which slope of its own light on, over its radius and as a share of its contrast, a target
@@ -92,12 +86,12 @@ MOST_MOVE, MOST_STRETCH, MOST_BLUR_CHANGE = 2.0, 0.3, 0.4
 LEAST_LOCAL = 0.15
 """Least contrast along the outline, as a share of its mean, that a place may have."""
 
-WAVES = 5
-"""How many kinds of waves about the outline, from three of them on, tell how strong one would be,
-which shifts the centre. The fit takes up the first: the size, the centre, and the axes."""
+FIRST_WAVE, LEAST_WAVES, MOST_WAVES = 3, 5, 14
+"""The fit takes up the waves about the outline before the first: size, centre and axes. Of those
+from there on, so many at the least and at the most tell how strong they are."""
 
-BLOCKS_COUNT = 6.0
-"""For how many independent residuals the variance by blocks is taken."""
+SHORTEST_WAVE = 8.0
+"""px along the outline of the shortest wave, but for the least number of them: a JPEG's block."""
 
 
 @dataclass(frozen=True)
@@ -267,7 +261,7 @@ class EdgeFit:
         """The projection of colours, 1 from surroundings to target, that errs least.
 
         `change` (3,) is what the light makes of a shaded target's contrast over its radius.
-        Leaves, of the rest along it, the variance and what its correlation makes of that.
+        Leaves, of the rest along it, the variance, and that of rounding.
         """
         difference = self._solution[INSIDE] - self._solution[OUTSIDE]
         if not difference @ difference > 9.0:
@@ -287,7 +281,6 @@ class EdgeFit:
         squared = left * left
         self._hidden = float(axis @ self._rounding @ axis)
         self._noise = 2.5 * float(squared.sum()) / left.size + self._hidden
-        self._correlation = float(axis @ sums @ axis) / float(weight @ squared)
         return axis
 
     def _sums_over_blocks(self, values: Array) -> Array:
@@ -332,24 +325,8 @@ class EdgeFit:
         return Measured(outline, self._covariance())
 
     def _covariance(self) -> Array:
-        """The centre's covariance from the residuals along the edge.
-
-        That of white noise, times what the residuals' correlation makes of it. The fit takes a
-        part of the noise with it, the more the smaller the outline; the pixels' leverage tells
-        how much, and it is given back.
-        """
-        weight = self._slope * self._slope
-        waves, count = self._waves(weight), 2 * WAVES
-        some = slice(None, None, max(weight.size // LEVERAGE_PIXELS, 1))
-        design, share = self._design[:, some], weight[some]
-        taken = float(np.vdot(self._inverse, (design * share) @ design.T)) / float(share.sum())
-        kept = max(1 - taken, 0.1)
-        total = float(weight.sum())
-        variance = float(weight @ (self._left * self._left)) / (total * kept) + 1e-12
-        factor = max(self._correlation * kept + RETURNED * taken * SHARED_EDGE, LEAST_FACTOR)
-        # Of a variance that is itself estimated the inverse is too large; the 2 allows for it.
-        variance = BLOCKS_COUNT * variance * factor + count * waves
-        variance = variance / (BLOCKS_COUNT + count - 2) + self._hidden
+        """The centre's covariance: that of white noise as strong as the residuals' waves are."""
+        variance = self._waves() + UNSEEN * self._hidden + 1e-12
         covariance: Array = self._inverse[MOTION, MOTION] * variance
         if self._contrast is None:
             return covariance
@@ -360,23 +337,33 @@ class EdgeFit:
         covariance += np.outer(shift, shift)
         return covariance
 
-    def _waves(self, weight: Grid) -> float:
+    def _waves(self) -> float:
         """The variance of the residuals' waves about the outline, as if of white noise.
 
         Whatever is left over along the outline, be it noise that neighbours share, ground that is
         uneven or a model that does not fit, has waves of all lengths; those that shift the centre
-        are taken up by the fit, their neighbours are not.
+        are taken up by the fit, their neighbours are not. The longer ones, which are nearer to
+        these, count for more. What has the same sign on all sides of the outline, or another on
+        the outline's other side, is no wave of its motion and does not count.
         """
+        radius = math.sqrt(2 * (self._moments[0] + self._moments[2]))
+        most = int(2 * math.pi * radius / SHORTEST_WAVE) - FIRST_WAVE + 1
+        count = min(max(most, LEAST_WAVES), MOST_WAVES)
         normal = np.empty(self._left.size, np.complex64)
         normal.real, normal.imag = self._normal
         waves = normal * normal
-        waves *= normal
         waves *= self._slope * self._left
-        power = 0.0
-        for _ in range(WAVES):
-            power += abs(waves.sum()) ** 2
+        power = weights = squares = 0.0
+        for k in range(FIRST_WAVE, FIRST_WAVE + count):
             waves *= normal
-        return float(power) / (WAVES * float(weight.sum()))
+            power += abs(waves.sum()) ** 2 / k
+            weights += 1 / k
+            squares += 1 / k**2
+        # Of a variance that is itself estimated, of so many degrees of freedom, the inverse is
+        # too large by this.
+        free = 2 * weights**2 / squares
+        total = float(self._slope @ self._slope) * weights
+        return float(power) / total * free / (free - 2)
 
 
 def _limited(value: float, most: float) -> float:

@@ -18,6 +18,9 @@ from .jpeg import Rounding
 Picture = npt.NDArray[np.uint8]
 
 NOT_ROUNDED = Rounding()
+PAIRED = Rounding(1 / 12, 2 / 12)
+"""To whole grey levels, where two pixels share their colour."""
+
 BAYER_MARGIN = 4
 
 _BAYER = {
@@ -78,7 +81,7 @@ class YuyvFrame:
     """
 
     def __init__(self, pairs: Picture) -> None:
-        self.rounding = NOT_ROUNDED
+        self.rounding = PAIRED
         self.height, self.width = pairs.shape[0], pairs.shape[1] * 2
         self._pairs = pairs
 
