@@ -150,7 +150,7 @@ class EdgeFit:
             self._contrast = self._contrast_along(solution)
         self._move(solution)
         row = axis.astype(np.float32) @ pixels
-        # A JPEG's chroma is the more blurred: as its share in the contrast, so the blur changes.
+        # Shared colour is the more blurred: as its share in the contrast, so the blur changes.
         shaded = TERMS if chroma else SHADED_TERMS
         self._model(shaded if is_shaded else FLAT_TERMS, row[None])
         for _ in range(MOST_STEPS):

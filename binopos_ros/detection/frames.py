@@ -18,8 +18,8 @@ from .jpeg import Rounding
 Picture = npt.NDArray[np.uint8]
 
 NOT_ROUNDED = Rounding()
-PAIRED = Rounding(1 / 12, 2 / 12)
-"""To whole grey levels, where two pixels share their colour."""
+SHARED_BY_TWO, SHARED_BY_FOUR = Rounding(1 / 12, 2 / 12), Rounding(1 / 12, 4 / 12)
+"""To whole grey levels, where so many pixels share their colour."""
 
 BAYER_MARGIN = 4
 
@@ -81,7 +81,7 @@ class YuyvFrame:
     """
 
     def __init__(self, pairs: Picture) -> None:
-        self.rounding = PAIRED
+        self.rounding = SHARED_BY_TWO
         self.height, self.width = pairs.shape[0], pairs.shape[1] * 2
         self._pairs = pairs
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from .decoders import decode_whole, decode_with_cv2, decodes_parts
 from .errors import DetectionError
-from .frames import BayerFrame, ColourFrame, Frame, Picture, YuyvFrame
+from .frames import SHARED_BY_FOUR, BayerFrame, ColourFrame, Frame, Picture, YuyvFrame
 from .jpeg import JpegHeader, read_header
 from .jpeg_frame import Box, JpegFrame
 
@@ -269,7 +269,8 @@ def _planes(code: int) -> _Encoding:
     return _Encoding(
         1,
         lambda rows, _: ColourFrame(
-            np.asarray(cv2.cvtColor(np.ascontiguousarray(rows), code), np.uint8)
+            np.asarray(cv2.cvtColor(np.ascontiguousarray(rows), code), np.uint8),
+            rounding=SHARED_BY_FOUR,
         ),
         even_width=True,
         colour_plane=True,

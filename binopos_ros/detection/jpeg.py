@@ -29,7 +29,8 @@ class Rounding(NamedTuple):
 
     luma is that of a coefficient of low frequency in brightness. chroma is that of one in a
     colour difference (Cb or Cr), times the number of pixels that share a sample of it. Both are 0
-    for a picture that never was a JPEG.
+    where each pixel has colours of its own. Of raw pictures whose pixels share their colour they
+    are those of whole grey levels.
     """
 
     luma: float = 0.0
