@@ -125,7 +125,8 @@ def test_processing_twice_gives_the_same_bytes(washbowl, table, tmp_path):
 
 def test_the_table_has_the_columns_of_the_contract_and_numbers_only(table):
     rows = rows_of(table)
-    assert ','.join(rows[0]) == 'stamp,x,y,z,sx,sy,sz,raw_x,raw_y,raw_z,index,index_std'
+    contract = 'stamp,x,y,z,sx,sy,sz,raw_x,raw_y,raw_z,index,index_std'
+    assert ','.join(rows[0]) == f'{contract},vx,vy,vz,cxy,cxz,cyz'
     assert all(np.isfinite([float(value) for value in row.values()]).all() for row in rows)
 
 
