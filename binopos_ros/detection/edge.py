@@ -63,8 +63,8 @@ LUMA_FACTOR, CHROMA_FACTOR = 0.4, 7.0
 (rendered discs of 8 to 120 px, quality 70 to 95, 4:2:0)."""
 
 UNSEEN = 0.3
-"""Share of that which follows the picture, so that the fit takes it for outline and no wave of
-the residuals shows it."""
+"""Share of that which follows the picture, so that the fit of a flat target takes it for outline
+and no wave of the residuals shows it. A shaded one's, of twice the terms, takes all of it."""
 
 SHADED = 0.12
 """From which slope of its own light on, over its radius and as a share of its contrast, a target
@@ -326,7 +326,8 @@ class EdgeFit:
 
     def _covariance(self) -> Array:
         """The centre's covariance: that of white noise as strong as the residuals' waves are."""
-        variance = self._waves() + UNSEEN * self._hidden + 1e-12
+        unseen = UNSEEN if self._contrast is None else 1.0
+        variance = self._waves() + unseen * self._hidden + 1e-12
         covariance: Array = self._inverse[MOTION, MOTION] * variance
         if self._contrast is None:
             return covariance
