@@ -20,6 +20,10 @@ PATIENCE = 10.0
 #: Variables through which Python and ROS find packages.
 OF_ROS = ('AMENT_PREFIX_PATH', 'LD_LIBRARY_PATH', 'PYTHONPATH')
 
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    # As a shell starts what it puts into the background; the tests' processes would inherit it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 
 @pytest.fixture(scope='session')
 def project() -> Path:
