@@ -12,7 +12,6 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from binopos_ros.view.access import TOKEN_VARIABLE, Access
 from binopos_ros.view.errors import ViewError
 from binopos_ros.view.options import ViewerOptions
 from binopos_ros.view.server import PageServer
@@ -249,21 +248,6 @@ def test_others_need_the_token(serve):
             asyncio.run(knock(query))
     assert asyncio.run(knock(f'?token={token}')) == 'hello'
     assert served.refused() == {'wrong token': 6}
-
-
-def test_a_viewer_that_is_started_again_keeps_the_token_of_its_supervisor(monkeypatch):
-    assert Access('0.0.0.0').token != Access('0.0.0.0').token
-    monkeypatch.setenv(TOKEN_VARIABLE, 'kept')
-    assert Access('0.0.0.0').token == 'kept'
-    assert Access('127.0.0.1').token == ''
-
-
-def test_this_machine_alone_needs_none():
-    for address in ('127.0.0.1', '::1', 'localhost', '127.8.8.8'):
-        assert Access(address).token == ''
-    for address in ('0.0.0.0', '::', '192.168.2.2', 'robot.local'):
-        assert Access(address).token
-    assert Access('127.0.0.1', 'mine').token == 'mine'
 
 
 @pytest.mark.parametrize(
