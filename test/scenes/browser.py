@@ -8,6 +8,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
 import time
@@ -40,7 +41,9 @@ class Browser:
     """One browser with one page."""
 
     def __init__(self, width=1280, height=900):
-        self._profile = tempfile.TemporaryDirectory(prefix='binopos_browser_')
+        self._profile = tempfile.TemporaryDirectory(
+            prefix='binopos_browser_', ignore_cleanup_errors=True
+        )
         self._process = subprocess.Popen(
             [
                 *(found(), '--headless', '--no-sandbox', '--disable-gpu', '--mute-audio'),
@@ -49,6 +52,7 @@ class Browser:
             ],
             stderr=subprocess.PIPE,
             text=True,
+            start_new_session=True,
         )
         for line in self._process.stderr:
             if listening := re.search(r'ws://\S+', line):
@@ -114,7 +118,8 @@ class Browser:
 
     def close(self):
         self._socket.close()
-        self._process.terminate()
+        # The command may be a script that starts the browser: all of them go.
+        os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
         self._process.stderr.close()
         self._profile.cleanup()
