@@ -35,7 +35,7 @@ import cv2
 import numpy as np
 
 from binopos_ros.capture.transport import PROFILE_VARIABLES
-from binopos_ros.cli.transport import find_profile
+from binopos_ros.cli.installation import PROFILE, needed
 
 SIDES = ('left', 'right')
 SUITE = ('detector', 'triangulator', 'smoother')
@@ -295,7 +295,7 @@ def main() -> int:
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = DOMAIN
     if options.raw:
-        os.environ[PROFILE_VARIABLES[0]] = str(find_profile())
+        os.environ[PROFILE_VARIABLES[0]] = str(needed(PROFILE))
     with tempfile.TemporaryDirectory() as folder:
         bag = options.bag
         if bag is None:
