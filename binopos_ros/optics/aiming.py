@@ -48,28 +48,25 @@ class Aim(NamedTuple):
 _Shot = tuple[Vector, tuple[Vector, Vector], Vector, tuple[Vector, Vector], Vector]
 
 
-def aim(
-    surfaces: Surfaces, basis: tuple[Vector, ...], target: Vector, towards: Vector
-) -> Aim | None:
+def aim(surfaces: Surfaces, target: Vector) -> Aim | None:
     """Return the ray from the camera's centre to a target beyond the last plane.
 
     Args:
         surfaces: at least one plane.
-        basis: two unit vectors in the last plane.
         target: m, camera frame.
-        towards: where to start, any vector along a ray that passes the surfaces.
 
     Returns:
-        None where Newton's method finds no ray; there may be one.
+        None where Newton's method finds no ray; there may be one, but for targets on the camera's
+        side of the last plane.
 
     """
     tx, ty, tz = target
-    a, b, ahead = towards
-    if ahead <= 0.0:
+    nx, ny, nz, offset, _ = surfaces.planes[-1]
+    # Not the other way round: nan lies nowhere.
+    if not (tz > 0.0 and tx * nx + ty * ny + tz * nz > offset):
         return None
-    a, b = a / ahead, b / ahead
-    nx, ny, nz, *_ = surfaces.planes[-1]
-    (px, py, pz), (qx, qy, qz) = basis
+    a, b = tx / tz, ty / tz
+    (px, py, pz), (qx, qy, qz) = surfaces.last_basis
     for _ in range(MAX_STEPS):
         ray = _shoot(surfaces, a, b)
         if ray is None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from binopos_ros.optics.aiming import Aim, aim
+from binopos_ros.optics.aiming import aim
 from binopos_ros.optics.arithmetic import FLOATS, Arithmetic, Component
 from binopos_ros.optics.departure import Departure, Vector
 from binopos_ros.optics.dome_path import DomePath
@@ -63,12 +63,12 @@ class BehindDomePath:
 
     def direction(self, point: Vector, arithmetic: Arithmetic) -> Vector:
         """Return the direction at the camera: with z = 1, or of unit length."""
-        aimed = self._aim_one(point, arithmetic)
+        aimed = aim(self._surfaces, point) if arithmetic is FLOATS else None
         return self._aim(point, arithmetic)[0] if aimed is None else (aimed.a, aimed.b, 1.0)
 
     def differentiate(self, point: Vector, arithmetic: Arithmetic) -> Departure:
         """Return it with its derivatives, by the implicit function theorem."""
-        aimed = self._aim_one(point, arithmetic)
+        aimed = aim(self._surfaces, point) if arithmetic is FLOATS else None
         if aimed is not None:
             return aimed.departure
         u, landing, determinant = self._aim(point, arithmetic)
@@ -95,15 +95,6 @@ class BehindDomePath:
         x, y, z, index = turned
         rows = tuple((x[i], y[i], z[i]) for i in range(3))
         return Departure(u, rows, tuple(index))  # type: ignore[arg-type]
-
-    def _aim_one(self, point: Vector, arithmetic: Arithmetic) -> Aim | None:
-        if arithmetic is not FLOATS:
-            return None
-        x, y, z = point
-        nx, ny, nz, offset, _ = self._surfaces.planes[-1]
-        if not x * nx + y * ny + z * nz > offset:
-            return None
-        return aim(self._surfaces, self._basis, point, point)
 
     def _aim(self, point: Vector, arithmetic: Arithmetic) -> tuple[Vector, _Landing, Component]:
         """Return the unit direction, how it lands, and the determinant of its derivatives."""

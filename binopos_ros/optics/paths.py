@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from binopos_ros.optics.aiming import Aim, aim
+from binopos_ros.optics.aiming import aim
 from binopos_ros.optics.arithmetic import FLOATS, Arithmetic, Component
 from binopos_ros.optics.crossing import crossings
 from binopos_ros.optics.departure import Departure, Path, Vector
@@ -91,11 +91,10 @@ class CrossingPath:
     def __init__(self, surfaces: Surfaces) -> None:
         self._surfaces = surfaces
         self._indices = np.array(surfaces.indices)
-        self._basis = surfaces.last_basis
 
     def direction(self, point: Vector, arithmetic: Arithmetic) -> Vector:
         """Return the point where the ray crosses the first plane, or the direction with z = 1."""
-        aimed = self._aim(point, arithmetic)
+        aimed = aim(self._surfaces, point) if arithmetic is FLOATS else None
         if aimed is not None:
             return aimed.a, aimed.b, 1.0
         surfaces, targets = self._surfaces, _rows(point)
@@ -118,7 +117,7 @@ class CrossingPath:
 
     def differentiate(self, point: Vector, arithmetic: Arithmetic) -> Departure:
         """Return the direction scaled to z = 1, and its derivatives by shooting."""
-        aimed = self._aim(point, arithmetic)
+        aimed = aim(self._surfaces, point) if arithmetic is FLOATS else None
         if aimed is not None:
             return aimed.departure
         vx, vy, vz = self.direction(point, arithmetic)
@@ -133,16 +132,6 @@ class CrossingPath:
         (ax, ay, az, an), (bx, by, bz, bn) = parts
         rows = ((ax, ay, az), (bx, by, bz), (0.0, 0.0, 0.0))
         return Departure((a, b, 1.0 + 0.0 * a), rows, (an, bn, 0.0))
-
-    def _aim(self, point: Vector, arithmetic: Arithmetic) -> Aim | None:
-        if arithmetic is not FLOATS:
-            return None
-        x, y, z = point
-        nx, ny, nz, offset, _ = self._surfaces.planes[-1]
-        # Only beyond the last plane is there a ray to be found; nan is not.
-        if not x * nx + y * ny + z * nz > offset:
-            return None
-        return aim(self._surfaces, self._basis, point, point)
 
 
 def path_through(surfaces: Surfaces) -> Path:

@@ -54,7 +54,7 @@ def test_newton_and_fermat_agree_on_the_ray(crossed: StereoRig) -> None:
     )
     found = 0
     for point, crossing in zip(points, least[:, 0], strict=True):
-        ray = aim(surfaces, surfaces.last_basis, (x := tuple(point.tolist())), x)
+        ray = aim(surfaces, tuple(point.tolist()))
         if ray is None or not np.isfinite(crossing).all():
             continue
         found += 1
