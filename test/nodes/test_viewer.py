@@ -187,11 +187,17 @@ def test_a_recording_is_begun_and_ended_on_the_page(start, peer, tmp_path):
         poses.publish(PoseWithCovarianceStamped())
         return browser.texts.get('state', {}).get('recorder')
 
+    def poses_on_disk():
+        with BagReader(said['bag']) as bag:
+            return '/stereo/target/pose' in bag.topics
+
     try:
         well, told = press(peer, browser, 'record')
         assert well, told
         peer.wait_for(lambda: recorder() and recorder()['duration'] > 0, 'the recorder')
         said = recorder()
+        # The recorder's first messages may be the log's: the poses' are waited for.
+        peer.wait_for(lambda: recorder() and poses_on_disk(), 'a pose in the recording')
         assert said['state'] == 'recording'
         assert said['bag'] in told
         assert said['free'] > 0
