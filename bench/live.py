@@ -1,7 +1,7 @@
 """The live nodes beside the plain pipeline that a user would write, on the same bag in one run.
 
     python bench/live.py [BAG] [--rate 30] [--seconds 20] [--rounds 2] [--alone]
-        [--raw] [--single-process] [--load 0] [--json FILE]
+        [--raw] [--single-process] [--load 0] [--keep NAME]
 
 BAG is a bag of `binopos simulate` (JPEG); without it one is made. Its pictures are published
 again and again at a rate, with the present as their stamp, to one of the two at a time, in
@@ -20,7 +20,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import itertools
-import json
 import os
 import struct
 import subprocess
@@ -36,6 +35,7 @@ import numpy as np
 
 from binopos_ros.capture.transport import PROFILE_VARIABLES
 from binopos_ros.cli.installation import PROFILE, needed
+from figures import Column, Figures
 
 SIDES = ('left', 'right')
 SUITE = ('detector', 'triangulator', 'smoother')
@@ -291,7 +291,7 @@ def main() -> int:
     parser.add_argument('--raw', action='store_true', help='bgr8 instead of JPEG')
     parser.add_argument('--single-process', action='store_true')
     parser.add_argument('--load', type=int, default=0, help='processes that are busy beside it')
-    parser.add_argument('--json', type=Path)
+    parser.add_argument('--keep', metavar='NAME', help='as bench/results/live.NAME.json')
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = DOMAIN
     if options.raw:
@@ -302,37 +302,46 @@ def main() -> int:
             bag = Path(folder) / 'washbowl'
             words = [sys.executable, '-m', 'binopos_ros', 'simulate', '-o', str(bag)]
             subprocess.run(words, check=True, capture_output=True)
+        kept = Figures(
+            f'live.{options.keep}',
+            peers=('simplejpeg',),
+            rate=options.rate,
+            seconds=options.seconds,
+            raw='yes' if options.raw else None,
+            single_process='yes' if options.single_process else None,
+            busy_processes=options.load,
+        )
         with busy(options.load):
-            results = measured(bag, options)
-    if options.json:
-        options.json.write_text(json.dumps(results, indent=1) + '\n')
+            measure(kept, bag, options)
+    if options.keep:
+        kept.keep()
     return 0
 
 
-def measured(bag: Path, options: argparse.Namespace) -> list[dict[str, Any]]:
-    """The figures of each round and pipeline, printed as they come."""
+def measure(kept: Figures, bag: Path, options: argparse.Namespace) -> None:
+    """Add the figures of each round and pipeline."""
     from binopos_ros.detection import JPEG_DECODER
 
     feed, rate = Feed(bag, options.raw), options.rate
     name = f'the suite ({JPEG_DECODER})'
     names = (name,) if options.alone or options.raw else (name, PLAIN)
-    results = []
     print(f'{rate:g} pairs/s, load {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores')
-    print(
-        f'{"":28}{"pairs":>7}{"lost":>7}{"median ms":>11}{"p99 ms":>9}{"oldest ms":>11}'
-        f'{"CPU ms/pair":>13}'
+    table = kept.table(
+        'latency',
+        '',
+        Column('pairs', '.0f'),
+        Column('lost', '.0f'),
+        Column('median, ms', '.1f'),
+        Column('99 %, ms', '.1f'),
+        Column('oldest, ms', '.1f'),
+        Column('processor, ms a pair', '.1f'),
     )
     for _, name in itertools.product(range(options.rounds), names):
         found = feed.run(name, bag, rate, options.seconds, options.single_process)
-        results.append({**found, 'rate': rate, 'load': os.getloadavg()[0]})
-        print(
-            f'{name:28}{found["pairs"]:7d}{found["lost"]:7d}{found["median_ms"]:11.1f}'
-            f'{found["p99_ms"]:9.1f}{found["oldest_ms"]:11.1f}{found["cpu_ms_per_pair"]:13.1f}'
-        )
+        keys = 'pairs', 'lost', 'median_ms', 'p99_ms', 'oldest_ms', 'cpu_ms_per_pair'
+        table.row(name, *(found[key] for key in keys))
         for memory, threads, files in found['minutes'] if options.seconds > 60 else ():
-            print(f'{"":28}{memory:9.1f} MB, {threads} threads, {files} open files')
-        sys.stdout.flush()
-    return results
+            print(f'{"":28}{memory:9.1f} MB, {threads} threads, {files} open files', flush=True)
 
 
 if __name__ == '__main__':

@@ -9,6 +9,7 @@ part needs ROS and wants both cores for itself.
 from __future__ import annotations
 
 import csv
+import re
 import resource
 import shutil
 import struct
@@ -22,8 +23,9 @@ import numpy as np
 
 from binopos_ros.bag import BagReader, BagWriter
 from binopos_ros.bag.messages import position_of
+from figures import Column, Figures
 
-REPEATS = 10
+REPEATS, ROUNDS = 10, 3
 SECOND = 1_000_000_000
 
 
@@ -74,6 +76,7 @@ def errors(bag: Path, table: Path) -> np.ndarray:
 
 
 def main() -> None:
+    found = Figures('pipeline', peers=('simplejpeg',))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         bag = Path(sys.argv[1]) if len(sys.argv) > 1 else folder / 'washbowl'
@@ -83,35 +86,44 @@ def main() -> None:
             seconds = (reader.end_ns - reader.start_ns) / SECOND
             pairs = reader.topics['/stereo/truth/pose'].count
 
-        print('offline')
-        taken, peak, _ = min(
+        offline = found.table(
+            'offline',
+            '`process`',
+            Column('s', '.2f'),
+            Column('times real time', '.1f', '<'),
+            Column('peak memory, MB', '.0f'),
+        )
+        runs = [
             run('process', bag, '-o', folder / f'{k}.mcap', '--csv', folder / f'{k}.csv')
-            for k in range(3)
-        )
-        print(
-            f'  {pairs} pairs: {taken:.2f} s, {seconds / taken:.1f} times real time, '
-            f'peak memory {peak:.0f} MB'
-        )
+            for k in range(ROUNDS)
+        ]
+        taken, peaks, _ = zip(*runs, strict=True)
+        offline.row(f'{pairs} pairs', taken, seconds / min(taken), max(peaks))
         long = repeated(bag, folder / 'long')
-        taken, peak, _ = run('process', long, '-o', folder / 'long.mcap')
-        print(
-            f'  {REPEATS * pairs} pairs: {taken:.2f} s, {REPEATS * seconds / taken:.1f} times '
-            f'real time, peak memory {peak:.0f} MB'
-        )
+        once, peak, _ = run('process', long, '-o', folder / 'long.mcap')
+        offline.row(f'{REPEATS * pairs:,} pairs', once, REPEATS * seconds / once, peak)
 
-        print('error of target/position against truth, RMS in mm')
+        accuracy = found.table(
+            'errors',
+            '`target/position` against truth, RMS in mm',
+            Column('3-D', '.3f'),
+            *(Column(axis, '.3f') for axis in 'xyz'),
+        )
         for method in ('refractive', 'paper', 'straight'):
             table = folder / f'{method}.csv'
             words = ('--ros-args', '-p', f'triangulator:method:={method}')
             run('process', bag, '-o', folder / f'{method}.mcap', '--csv', table, *words)
             each = errors(bag, table)
-            x, y, z = np.sqrt((each**2).mean(axis=0)) * 1e3
+            axes = np.sqrt((each**2).mean(axis=0)) * 1e3
             total = np.sqrt((each**2).sum(axis=1).mean()) * 1e3
-            print(f'  {method:<10} {total:8.3f}   x {x:8.3f}  y {y:8.3f}  z {z:8.3f}')
+            accuracy.row(f'`{method}`, {len(each)} pairs', total, *axes)
 
-        print('live, at rate 1')
+        live = found.table('live', 'live, at rate 1', Column(''))
         _, _, report = run('replay', bag)
-        print('\n'.join(line for line in report.splitlines() if line.startswith('  ')))
+        for line in report.splitlines():
+            if line.startswith('  '):
+                live.row(*re.split(r'  +', line.strip(), maxsplit=1))
+    found.keep()
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     print(f'processor time in all: {children.ru_utime + children.ru_stime:.0f} s')
 

@@ -1,7 +1,7 @@
 """Robot and topside on two ends of a tether: what crosses, and what a broken link costs.
 
     sudo python bench/tether.py BAG [--rate 10mbit] [--delay 0] [--loss 0] [--down 10]
-        [--discovery peers|server] [--play-rate 1] [--json FILE]
+        [--discovery peers|server] [--play-rate 1] [--keep NAME]
 
 BAG is a bag of `binopos simulate`. Two network namespaces are joined by a cable that carries so
 much (tbf), takes so many milliseconds each way, and loses such a part of the packets: two tap
@@ -32,6 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from binopos_ros.nodes.supervised import STARTER
+from figures import Column, Figures
 
 ROBOT, TOPSIDE = ENDS = ('bp_robot', 'bp_topside')
 ADDRESSES = {ROBOT: '10.77.0.1', TOPSIDE: '10.77.0.2'}
@@ -201,12 +202,20 @@ def main() -> None:
     parser.add_argument('bag', type=Path, metavar='BAG')
     parser.add_argument('--rate', default='10mbit', help='what the tether carries, as tc has it')
     parser.add_argument('--down', type=float, default=10.0, help='seconds that the link is down')
-    parser.add_argument('--json', type=Path, metavar='FILE')
+    parser.add_argument('--keep', metavar='NAME', help='as bench/results/tether.NAME.json')
     parser.add_argument('--delay', type=float, default=0.0, help='of a packet, ms each way')
     parser.add_argument('--loss', type=float, default=0.0, help='part of the packets')
     parser.add_argument('--discovery', choices=DISCOVERY, default='peers')
     parser.add_argument('--play-rate', type=float, default=1.0, help='of the bag')
     arguments = parser.parse_args()
+    kept = Figures(
+        f'tether.{arguments.keep}',
+        rate=arguments.rate,
+        delay_ms=arguments.delay,
+        loss=arguments.loss,
+        discovery=arguments.discovery,
+        play_rate=arguments.play_rate,
+    )
     os.environ |= {'ROS_DOMAIN_ID': '91', **DISCOVERY[arguments.discovery]}
     with (
         tether(arguments.rate, 1e-3 * arguments.delay, arguments.loss),
@@ -219,12 +228,11 @@ def main() -> None:
             arguments.discovery == 'server',
             Path(folder) / 'told',
         )
+    table = kept.table('tether', '', Column('', '.4g'))
     for name, value in result.items():
-        print(
-            f'  {name:<40}  {value:.2f}' if isinstance(value, float) else f'  {name:<40}  {value}'
-        )
-    if arguments.json:
-        arguments.json.write_text(json.dumps(result, indent=2), encoding='utf-8')
+        table.row(name, value)
+    if arguments.keep:
+        kept.keep()
 
 
 if __name__ == '__main__':

@@ -1,6 +1,6 @@
 """What the page costs: the viewer with 0, 1 and 3 pages open, and the latency of the pipeline.
 
-    python bench/view.py [--rate 30] [--seconds 10] [--rounds 3] [--browser] [--json FILE]
+    python bench/view.py [--rate 30] [--seconds 10] [--rounds 3] [--browser]
 
 Pictures of 1280 x 960 (JPEG, about 115 kB) of both sides, centroids and poses are published at a
 rate. The pages are WebSocket clients in this process, which take what they are sent and do not
@@ -17,16 +17,16 @@ import asyncio
 import json
 import os
 import re
-import statistics
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
+
+from figures import Column, Figures
 
 PROJECT = Path(__file__).resolve().parents[1]
 TICKS = os.sysconf('SC_CLK_TCK')
@@ -157,8 +157,8 @@ def used(pid: int) -> tuple[float, float]:
     return (int(fields[11]) + int(fields[12])) / TICKS, resident / 1e6
 
 
-def cost(clients: int, rig: Rig, seconds: float) -> dict[str, Any]:
-    """What the viewer takes with so many pages."""
+def cost(clients: int, rig: Rig, seconds: float) -> tuple[str, float, float, float, float]:
+    """What the viewer takes with so many pages: a row of the table."""
     process, address = viewer()
     pages = [Page(address, rig.sent) for _ in range(clients)]
     time.sleep(SETTLE)
@@ -175,13 +175,13 @@ def cost(clients: int, rig: Rig, seconds: float) -> dict[str, Any]:
         page.close()
     process.terminate()
     process.wait()
-    return {
-        'pages': clients,
-        'processor_percent': 100 * (after - before) / span,
-        'memory_mb': memory,
-        'pictures_per_second_and_page': seen / span / clients if clients else 0.0,
-        'pose_to_page_p99_ms': 1000 * float(np.percentile(delays, 99)) if delays else 0.0,
-    }
+    return (
+        str(clients),
+        100 * (after - before) / span,
+        memory,
+        seen / span / clients if clients else 0.0,
+        1000 * float(np.percentile(delays, 99)) if delays else 0.0,
+    )
 
 
 #: What a page shows within some milliseconds: pictures per second of one camera, and for each
@@ -242,33 +242,32 @@ def main() -> None:
     parser.add_argument('--seconds', type=float, default=10.0)
     parser.add_argument('--rounds', type=int, default=3)
     parser.add_argument('--browser', action='store_true', help='show a page in Chromium, too')
-    parser.add_argument('--json', type=Path)
     arguments = parser.parse_args()
     os.environ.setdefault('ROS_DOMAIN_ID', '86')
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    kept = Figures('view', rate=arguments.rate, seconds=arguments.seconds)
     rig = Rig(arguments.rate)
     rows = [cost(clients, rig, arguments.seconds) for clients in CLIENTS]
     seen = in_browser(arguments.seconds) if arguments.browser else None
     rig.close()
-    print('pages  processor  memory  pictures/s and page  pose to page, p99')
+    table = kept.table(
+        'pages',
+        'pages',
+        Column('processor, %', '.1f'),
+        Column('memory, MB', '.0f'),
+        Column('pictures/s and page', '.1f'),
+        Column('pose to page, 99 %, ms', '.0f'),
+    )
     for row in rows:
-        print(
-            f'{row["pages"]:5d}  {row["processor_percent"]:7.1f} %  {row["memory_mb"]:3.0f} MB  '
-            f'{row["pictures_per_second_and_page"]:19.1f}  {row["pose_to_page_p99_ms"]:14.0f} ms'
-        )
+        table.row(*row)
     if seen is not None:
-        print(
-            f'in Chromium: {seen[0]:.1f} pictures/s and camera, poses {seen[1]:.0f} ms old (99 %)'
-        )
+        table.row('in Chromium', None, None, *seen)
     turns = [(latency(False), latency(True)) for _ in range(arguments.rounds)]
+    columns = Column('without a page, ms', '.1f'), Column('with one, ms', '.1f')
+    table = kept.table('latency', "latency of a replay's poses", *columns)
     for name, number in (('median', 0), ('99th percentile', 1)):
-        without, with_page = (
-            statistics.median(turn[looked][number] for turn in turns) for looked in (0, 1)
-        )
-        print(f'latency, {name}: {without:.1f} ms without a page, {with_page:.1f} ms with one')
-    if arguments.json:
-        told = {'cost': rows, 'latency_ms': turns, 'load': os.getloadavg()}
-        arguments.json.write_text(json.dumps(told, indent=2) + '\n')
+        table.row(name, *([turn[looked][number] for turn in turns] for looked in (0, 1)))
+    kept.keep()
 
 
 if __name__ == '__main__':

@@ -2,7 +2,7 @@
 
     python bench/bag/libraries.py [--pairs 300] [--bytes 200000]
 
-Reads and decodes a bag of JPEG pairs, and writes it; each figure is the best of seven, all taking
+Reads and decodes a bag of JPEG pairs, and writes it; all taking
 turns. Peak memory is what reading allocates. Ours alone checks the chunks' checksums on the way.
 """
 
@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import argparse
 import shutil
+import sys
 import tempfile
 import time
 import tracemalloc
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 from mcap.reader import make_reader
@@ -25,9 +28,11 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 
 from binopos_ros.bag import BagReader, BagWriter, messages
 from binopos_ros.bag.definitions import definition_of, jazzy
+from figures import Column, Figures
 
 TOPICS = ('/stereo/left/image_raw/compressed', '/stereo/right/image_raw/compressed')
 REPEATS = 7
+PAIRS, SIZE = 300, 200_000
 START, PERIOD = 1_700_000_000_000_000_000, 33_333_333
 
 Message = tuple[str, int, bytes]
@@ -102,15 +107,15 @@ def read_mcap(path: Path) -> int:
         )
 
 
-def best(works: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """Shortest time of each work, all taking turns so that a busy machine is busy for all."""
+def timed(works: dict[str, Callable[[], object]]) -> dict[str, list[float]]:
+    """Times of each work, all taking turns so that a busy machine is busy for all, s."""
     times: dict[str, list[float]] = {name: [] for name in works}
     for _ in range(REPEATS):
         for name, work in works.items():
             start = time.perf_counter()
             work()
             times[name].append(time.perf_counter() - start)
-    return {name: min(each) for name, each in times.items()}
+    return times
 
 
 def peak(work: Callable[[], object]) -> float:
@@ -131,37 +136,46 @@ def anew(write: Callable[[Path, list[Message]], None], path: Path, given: list[M
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
-    parser.add_argument('--pairs', type=int, default=300)
-    parser.add_argument('--bytes', type=int, default=200_000, help='of each image')
+    parser.add_argument('--pairs', type=int, default=PAIRS)
+    parser.add_argument('--bytes', type=int, default=SIZE, help='of each image')
     arguments = parser.parse_args()
     given = pairs(arguments.pairs, arguments.bytes)
     megabytes = sum(len(data) for _, _, data in given) / 1e6
     folder = Path(tempfile.mkdtemp(prefix='binopos_bench_'))
     try:
-        print(f'{len(given)} images of {arguments.bytes} bytes, {megabytes:.0f} MB\n')
+        print(f'{len(given)} images of {arguments.bytes} bytes, {megabytes:.0f} MB')
+        found = Figures('bag/libraries', peers=('rosbags', 'mcap'))
         bag = folder / 'bag'
         write_ours(bag, given)
-        print('| reading and decoding | time, s | ratio to ours | peak memory, MB |')
-        print('|---|---|---|---|')
+        ratio = Column('of ours, by the least', '.2f', '<')
+        table = found.table(
+            'reading',
+            'reading and decoding',
+            Column('time, s', '.3f'),
+            ratio,
+            Column('peak memory, MB', '.1f'),
+        )
         readers = {'ours': read_ours, 'rosbags': read_rosbags, 'mcap': read_mcap}
-        times = best({name: partial(read, bag) for name, read in readers.items()})
+        times = timed({name: partial(read, bag) for name, read in readers.items()})
         for name, seconds in times.items():
             memory = peak(partial(readers[name], bag))
-            ratio = seconds / times['ours']
-            print(f'| {name} | {seconds:.3f} | {ratio:.2f} | {memory:.1f} |')
-        print('\n| writing | time, s | ratio to ours |')
-        print('|---|---|---|')
+            table.row(name, seconds, min(seconds) / min(times['ours']), memory)
+        table = found.table('writing', 'writing', Column('time, s', '.3f'), ratio)
         writers = {
             'ours': write_ours,
             'ours, whole after every chunk': write_crash_safe,
             'rosbags': write_rosbags,
             'mcap': write_mcap,
         }
-        written = best(
+        written = timed(
             {name: partial(anew, write, folder / 'new', given) for name, write in writers.items()}
         )
         for name, seconds in written.items():
-            print(f'| {name} | {seconds:.3f} | {seconds / written["ours"]:.2f} |')
+            peer = name in readers
+            least = min(seconds) / min(written['ours'])
+            table.row(name, seconds, least if peer else None)
+        if (arguments.pairs, arguments.bytes) == (PAIRS, SIZE):
+            found.keep()
     finally:
         shutil.rmtree(folder)
 

@@ -10,7 +10,11 @@ radius, wall and glass.
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import truth
@@ -19,6 +23,7 @@ from binopos_ros.calibration.interface.calibrate import calibrate_interface
 from binopos_ros.calibration.interface.guesses import DomeGuess
 from binopos_ros.optics import DomePort, PinholeCamera, StereoRig
 from binopos_ros.optics.rig_state import RigState, exponential
+from figures import Column, Figures
 
 DEPTHS = (0.25, 0.6)
 ASIDE = (0.8, 0.6)
@@ -63,8 +68,12 @@ def guesses_for(rig: StereoRig, known_index: float, rng: np.random.Generator) ->
     ]
 
 
-def table(rigs: int, views: int, known_index: float) -> str:
+def measure(rigs: int, views: int, known_index: float) -> None:
     """Errors, stated deviations, coverage and positions."""
+    way = f'.index-{known_index:g}' if known_index else ''
+    kept = Figures(
+        f'calibration/domes{way}', rigs=rigs, views=views, index_known_to=known_index or None
+    )
     errors, stated, regions, squares = [], [], [], []
     for seed in range(rigs):
         rng = np.random.default_rng(90_000 + seed)
@@ -87,24 +96,20 @@ def table(rigs: int, views: int, known_index: float) -> str:
         return 1e3 * float(np.sqrt(square[:2].mean())), 1e3 * float(np.sqrt(square[2]))
 
     error_square, bound, exact = np.mean(squares, axis=0)
-    lines = [
-        f'{rigs} rigs, {views} views, {truth.NOISE} px, index known to {known_index or "nothing"}',
-        '| | across (mm) | along (mm) |',
-        '|---|---|---|',
-    ]
-    lines += [
-        f'| {name} | {across:.3f} | {along:.3f} |'
-        for name, (across, along) in (('error, RMS', rms(errors)), ('stated', rms(stated)))
-    ]
+    print(f'{truth.NOISE} px')
+    table = kept.table(
+        'centres', "a dome's centre", Column('across (mm)', '.3f'), Column('along (mm)', '.3f')
+    )
+    for name, found in (('error, RMS', rms(errors)), ('stated', rms(stated))):
+        table.row(name, *found)
     across, along = np.abs(errors)[..., :2].max(), np.abs(errors)[..., 2].max()
-    lines += [
-        f'| error, largest | {1e3 * across:.3f} | {1e3 * along:.3f} |',
-        f'in the 95 % region: {100 * np.mean(np.less(regions, REGION)):.1f} %, '
-        f'normalised square / 6: {np.mean(regions) / 6:.2f}; positions: '
-        f'{np.sqrt(error_square / bound):.2f} times their bound, '
-        f"{np.sqrt(error_square / exact):.2f} times an exact rig's",
-    ]
-    return '\n'.join(lines)
+    table.row('error, largest', 1e3 * across, 1e3 * along)
+    table = kept.table('whole', '', Column('', '.2f'))
+    table.row('in the 95 % region, %', 100 * np.mean(np.less(regions, REGION)))
+    table.row('normalised square / 6', np.mean(regions) / 6)
+    table.row('positions, times their bound', np.sqrt(error_square / bound))
+    table.row("positions, times an exact rig's", np.sqrt(error_square / exact))
+    kept.keep()
 
 
 def main() -> None:
@@ -114,7 +119,7 @@ def main() -> None:
     parser.add_argument('--views', type=int, default=10)
     parser.add_argument('--known-index', type=float, default=0.0, metavar='SD')
     arguments = parser.parse_args()
-    print(table(arguments.rigs, arguments.views, arguments.known_index))
+    measure(arguments.rigs, arguments.views, arguments.known_index)
 
 
 if __name__ == '__main__':

@@ -9,7 +9,11 @@ them the same rigs calibrated in air: exact, and with faults that must not be ta
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import cv2
 import numpy as np
@@ -19,6 +23,7 @@ from binopos_ros.calibration.check.doubled import Refraction, refraction
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.optics.rig_state import exponential
 from binopos_ros.triangulation import triangulate
+from figures import Column, Figures
 
 PAIRS = 200
 REACHES = {'anywhere': 0.3, 'in the middle': 0.12}  # of the depth, from the axis
@@ -64,7 +69,7 @@ def off(surfaces: Surfaces, tilt: float, farther: float, index: float) -> Surfac
     }
 
 
-def row(kind: str, reach: float, rigs: int) -> str:
+def counted(kind: str, reach: float, rigs: int) -> tuple[str, float, str]:
     """Of rigs of one kind: how many are found, how many cannot be told, how many are accused."""
     found = unsure = accused = 0
     for seed in range(rigs):
@@ -90,7 +95,7 @@ def row(kind: str, reach: float, rigs: int) -> str:
         innocent = [judge(dry, off(surfaces, *fault), pixels) for fault in FAULTS]
         innocent.append(judge(turned, surfaces, pixels))
         accused += sum(one.is_twice for one in innocent)
-    return f'{found} of {rigs} | {unsure} | {accused} of {rigs * (len(FAULTS) + 1)}'
+    return f'{found} of {rigs}', unsure, f'{accused} of {rigs * (len(FAULTS) + 1)}'
 
 
 def main() -> None:
@@ -99,11 +104,19 @@ def main() -> None:
     parser.add_argument('--rigs', type=int, default=8)
     rigs = parser.parse_args().rigs
     print(f'{PAIRS} pairs, {truth.NOISE} px')
-    print('| | target | found | cannot be told | calibrated in air, accused |')
-    print('|---|---|---|---|---|')
+    kept = Figures('calibration/doubled', rigs=rigs)
+    table = kept.table(
+        'rigs',
+        '',
+        Column('target'),
+        Column('found'),
+        Column('cannot be told', '.0f'),
+        Column('calibrated in air, accused'),
+    )
     for words, reach in REACHES.items():
         for kind in KINDS:
-            print(f'| {kind} | {words} | {row(kind, reach, rigs)} |', flush=True)
+            table.row(kind, words, *counted(kind, reach, rigs))
+    kept.keep()
 
 
 if __name__ == '__main__':

@@ -10,8 +10,12 @@ normal can be seen where its stated deviation is below half of the tenth of a de
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import cv2
 import numpy as np
@@ -26,6 +30,7 @@ from binopos_ros.optics import FlatInterface, StereoRig
 from binopos_ros.optics.rig_state import RigState
 from binopos_ros.simulation.presets import Choices, in_air, washbowl, with_board
 from binopos_ros.simulation.render import Renderer
+from figures import Column, Figures
 
 BOARD = Board('chessboard', 9, 6, 0.025)
 WANTED = np.radians(0.1)
@@ -96,11 +101,19 @@ def main() -> None:
     parser.add_argument('--views', type=int, default=15)
     arguments = parser.parse_args()
     print(f'{arguments.sets} sets of {arguments.views} rendered pairs, boards of 25 mm squares')
-    print(
-        '| | measured | views | dropped | RMS (px) | normal, worst (deg) | stated (deg) '
-        '| worst error / stated |'
+    kept = Figures('calibration/dry', sets=arguments.sets, views=arguments.views)
+    table = kept.table(
+        'kinds',
+        '',
+        Column('measured'),
+        Column('views', '.0f'),
+        Column('dropped', '.0f'),
+        Column('RMS (px)', '.3f'),
+        Column('normal, worst (deg)', '.3f'),
+        Column('stated (deg)', '.3f'),
+        Column('seen'),
+        Column('worst error / stated', '.2f'),
     )
-    print('|---|---|---|---|---|---|---|---|')
     for kind in KINDS:
         sets = [rendered(kind, seed, arguments.views) for seed in range(arguments.sets)]
         count = sum(len(views) for _, views in sets)
@@ -109,14 +122,18 @@ def main() -> None:
                 calibrated(rig, views, measured, seed) for seed, (rig, views) in enumerate(sets)
             ]
             errors, spreads = (np.array([one[i] for one in found]) for i in (0, 1))
-            seen = 'yes' if (spreads < WANTED / 2.0).all() else 'not seen'
-            print(
-                f'| {kind} | {"ruler, level" if measured else "-"} | {count} '
-                f'| {sum(one.dropped for one in found)} | {max(one.rms for one in found):.3f} '
-                f'| {np.degrees(errors.max()):.3f} | {np.degrees(spreads.max()):.3f}, {seen} '
-                f'| {(errors / spreads).max():.2f} |',
-                flush=True,
+            table.row(
+                kind,
+                'ruler, level' if measured else '-',
+                count,
+                sum(one.dropped for one in found),
+                max(one.rms for one in found),
+                np.degrees(errors.max()),
+                np.degrees(spreads.max()),
+                'yes' if (spreads < WANTED / 2.0).all() else 'no',
+                (errors / spreads).max(),
             )
+    kept.keep()
 
 
 if __name__ == '__main__':

@@ -12,7 +12,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
@@ -23,6 +26,7 @@ from binopos_ros.calibration.views.corners import BoardView
 from binopos_ros.calibration.views.pairs import BoardPair
 from binopos_ros.optics import PinholeCamera, StereoRig
 from binopos_ros.optics.rig_state import exponential
+from figures import Column, Figures
 
 BOARD = Board('chessboard', 11, 8, 0.1)
 SIZE = (1280, 640)
@@ -71,19 +75,22 @@ def judge(kind: str, seed: int) -> dict[str, float]:
     }
 
 
-def table(found: dict[str, dict[str, float]], rigs: int) -> str:
-    """A row for each kind of lens."""
-    lines = [
-        '| lens | right | pairs dropped | pixels without a ray | held out / noise, worst |',
-        '|---|---|---|---|---|',
-    ]
+def keep(kept: Figures, found: dict[str, dict[str, float]], rigs: int) -> None:
+    """Print and keep a row for each kind of lens."""
+    table = kept.table(
+        'lenses',
+        'lens',
+        Column('right'),
+        Column('pairs dropped', '.0f'),
+        Column('pixels without a ray, %', '.1f'),
+        Column('held out / noise, worst', '.3f'),
+    )
     for kind in KINDS:
         own = [found[f'{kind} {seed}'] for seed in range(rigs)]
         right, dropped = (sum(one[key] for one in own) for key in ('right', 'dropped'))
         blind, worst = (max(one[key] for one in own) for key in ('blind', 'held_out'))
-        cells = f'{right:g} of {rigs} | {dropped:g} | {100 * blind:.1f} % | {worst:.3f}'
-        lines.append(f'| {kind} | {cells} |')
-    return '\n'.join(lines)
+        table.row(kind, f'{right:g} of {rigs}', dropped, 100 * blind, worst)
+    kept.keep()
 
 
 def main() -> None:
@@ -92,6 +99,7 @@ def main() -> None:
     parser.add_argument('--rigs', type=int, default=3)
     parser.add_argument('--results', type=Path, help='keeps the rigs that were done')
     arguments = parser.parse_args()
+    figures = Figures('calibration/lenses', rigs=arguments.rigs)
     kept: Path | None = arguments.results
     found: dict[str, dict[str, float]] = {}
     if kept is not None and kept.exists():
@@ -106,7 +114,7 @@ def main() -> None:
             if kept is not None:
                 with kept.open('a', encoding='utf-8') as file:
                     file.write(json.dumps([name, found[name]]) + '\n')
-    print(table(found, arguments.rigs))
+    keep(figures, found, arguments.rigs)
 
 
 if __name__ == '__main__':

@@ -11,7 +11,11 @@ for exact, which is what the defaults are for.
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
@@ -32,6 +36,7 @@ from binopos_ros.triangulation.surface_options import (
     InterfaceOptions,
     PortOptions,
 )
+from figures import Column, Figures
 
 CAMERA = PinholeCamera(
     [[900.0, 0.0, 639.5], [0.0, 900.0, 479.5], [0.0, 0.0, 1.0]],
@@ -135,8 +140,15 @@ def main() -> None:
     parser.add_argument('--only', choices=RIGS)
     arguments = parser.parse_args()
     print(f'{arguments.runs} runs of {arguments.pairs} pairs, {NOISE} px, index 1.333 +- {PRIOR}')
-    print('| | the rig is | observed | of these beyond 3 sigma | mean square |')
-    print('|---|---|---|---|---|')
+    kept = Figures('calibration/observed', runs=arguments.runs, pairs=arguments.pairs)
+    table = kept.table(
+        'rigs',
+        '',
+        Column('the rig is'),
+        Column('observed', '.0f'),
+        Column('of these beyond 3 sigma', '.0f'),
+        Column('mean square', '.2f'),
+    )
     for kind in [arguments.only] if arguments.only else RIGS:
         found = [run(kind, seed, arguments.pairs) for seed in range(arguments.runs)]
         for way in found[0]:
@@ -144,7 +156,9 @@ def main() -> None:
             told = [one for one in own if one.observed]
             beyond = sum(abs(one.error) > FEW_SIGMA for one in told)
             square = np.nanmean([one.error**2 for one in own])
-            print(f'| {kind} | {way} | {len(told)} | {beyond} | {square:.2f} |', flush=True)
+            table.row(kind, way, len(told), beyond, square)
+    if arguments.only is None:
+        kept.keep()
 
 
 if __name__ == '__main__':

@@ -11,12 +11,16 @@ where it is not installed (it has wheels for Python 3.12 and 3.13).
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import cv2
 import numpy as np
@@ -27,6 +31,7 @@ from binopos_ros.calibration.views.corners import BoardView
 from binopos_ros.calibration.views.pairs import BoardPair
 from binopos_ros.optics import PinholeCamera, StereoRig
 from binopos_ros.optics.rig_state import exponential
+from figures import Column, Figures
 
 BOARD = Board('chessboard', 9, 6, 0.025)
 SIZE = (1280, 960)
@@ -166,34 +171,41 @@ def with_mrcal(pairs: list[BoardPair]) -> Outcome:
     )
 
 
-def table(rigs: int) -> str:
-    """Errors, stated deviations and time, one row for each program and board."""
+def compare(rigs: int) -> None:
+    """Print and keep errors, stated deviations and time, one row for each program and board."""
     programs: dict[str, Callable[[list[BoardPair]], Outcome]] = {
         'binopos calibrate stereo': ours,
         f'OpenCV {cv2.__version__}': opencv,
     }
     with suppress(PackageNotFoundError):
         programs[f'mrcal {version("mrcal")}'] = with_mrcal
-    lines = [
-        f'{rigs} rigs, {VIEWS} views of the {BOARD}, {NOISE} px in a coordinate',
-        '| board | | focal length (px) | stated | baseline (mm) | stated | s |',
-        '|---|---|---|---|---|---|---|',
-    ]
+    kept = Figures('calibration/peers', peers=('mrcal',), rigs=rigs)
+    print(f'{rigs} rigs, {VIEWS} views of the {BOARD}, {NOISE} px in a coordinate')
+    table = kept.table(
+        'programs',
+        'board',
+        Column(''),
+        Column('focal length (px)', '.3f'),
+        Column('stated', '.3f'),
+        Column('baseline (mm)', '.4f'),
+        Column('stated', '.4f'),
+        Column('s a rig', '.2f'),
+    )
     for bow in BOWS:
         worlds = [see(np.random.default_rng(900 + seed), bow) for seed in range(rigs)]
         for name, program in programs.items():
-            begun = time.perf_counter()
-            found = [program(pairs) for pairs in worlds]
-            seconds = (time.perf_counter() - begun) / rigs
+            found, seconds = [], []
+            for pairs in worlds:
+                begun = time.perf_counter()
+                found.append(program(pairs))
+                seconds.append(time.perf_counter() - begun)
             focal = _rms([one.focal - FOCAL for one in found])
             baseline = 1000.0 * _rms([one.baseline - BASELINE for one in found])
             stated = _rms([one.focal_deviation for one in found])
             stated_baseline = 1000.0 * _rms([one.baseline_deviation for one in found])
-            lines.append(
-                f'| bowed by {1000 * bow:g} mm | {name} | {focal:.3f} | {stated:.3f} '
-                f'| {baseline:.4f} | {stated_baseline:.4f} | {seconds:.2f} |'
-            )
-    return '\n'.join(lines).replace('nan', '-')
+            cells = focal, stated, baseline, stated_baseline, seconds
+            table.row(f'bowed by {1000 * bow:g} mm', name, *cells)
+    kept.keep()
 
 
 def _rms(values: list[float]) -> float:
@@ -204,7 +216,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--rigs', type=int, default=2)
-    print(table(parser.parse_args().rigs))
+    compare(parser.parse_args().rigs)
 
 
 if __name__ == '__main__':

@@ -9,10 +9,13 @@ python bench/calibration/truth.py --middle        boards in the middle of the pi
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import cv2
 import numpy as np
@@ -37,6 +40,7 @@ from binopos_ros.optics import (
 from binopos_ros.optics.covariance_file import ParameterCovariance
 from binopos_ros.optics.rig_state import RigState, exponential
 from binopos_ros.triangulation import triangulate
+from figures import Column, Figures
 
 BOARD = Board('chessboard', 9, 6, 0.02)
 SIZE = (1280, 960)
@@ -63,8 +67,9 @@ class Row:
     rms: float
 
 
-def stereo_table(folder: Path) -> str:
-    """40 rendered pairs of 1280 x 960: this suite and OpenCV's functions."""
+def compare_stereo(folder: Path) -> None:
+    """Print and keep 40 rendered pairs of 1280 x 960: this suite and OpenCV's functions."""
+    kept = Figures('calibration/truth.stereo')
     bag = folder / 'dry'
     line = f'simulate -o {bag} --board 9x6 --air --pairs {PAIRS} --rate 2 --seed 1'
     if binopos(line.split()) != 0:
@@ -74,17 +79,19 @@ def stereo_table(folder: Path) -> str:
     pictures = open_pictures(bag).pairs
     focal, baseline = left.matrix[0, 0], float(np.linalg.norm(translation))
     rows = [ours(pictures, focal, baseline), opencv(pictures, focal, baseline)]
-    lines = [
+    table = kept.table(
+        'programs',
         f'{PAIRS} pairs of {SIZE[0]} x {SIZE[1]}, errors against the rendered truth',
-        '| | s | ratio | focal (px) | baseline (mm) | RMS (px) |',
-        '|---|---|---|---|---|---|',
-    ]
-    lines += [
-        f'| {row.name} | {row.seconds:.1f} | {row.seconds / rows[1].seconds:.2f} '
-        f'| {row.focal:+.2f} | {row.baseline:+.3f} | {row.rms:.3f} |'
-        for row in rows
-    ]
-    return '\n'.join(lines)
+        Column('s', '.1f'),
+        Column("times OpenCV's", '.2f', '>'),
+        Column('focal (px)', '+.2f'),
+        Column('baseline (mm)', '+.3f'),
+        Column('RMS (px)', '.3f'),
+    )
+    for row in rows:
+        ratio = row.seconds / rows[1].seconds
+        table.row(row.name, row.seconds, ratio, row.focal, row.baseline, row.rms)
+    kept.keep()
 
 
 def ours(pictures: tuple[PicturePair, ...], focal: float, baseline: float) -> Row:
@@ -142,19 +149,30 @@ def opencv(pictures: tuple[PicturePair, ...], focal: float, baseline: float) -> 
     )
 
 
-def interface_table(
+def judge_interface(
     rigs: int, views: int, index: float, ruler: float, aside: tuple[float, float]
-) -> str:
-    """Simulated rigs, as many of each kind: errors, stated deviations, coverage, positions."""
-    lines = [
-        f'{rigs} rigs, {views} views of the {BOARD} tilted by 15-55 degrees, {NOISE} px'
-        + (', in the middle of the pictures' if aside == MIDDLE else '')
-        + (f', index known to {index}' if index > 0 else '')
-        + (f', distance measured to {1000 * ruler:g} mm' if ruler > 0 else ''),
-        '| | index | normal (deg) | distance (mm) | in the 95 % region | position / bound | '
-        'position / exact rig |',
-        '|---|---|---|---|---|---|---|',
-    ]
+) -> None:
+    """Print and keep simulated rigs: errors, stated deviations, coverage, positions."""
+    print(f'the {BOARD} tilted by 15-55 degrees, {NOISE} px')
+    way = '.middle' if aside == MIDDLE else ''
+    way += '.known' if index > 0 or ruler > 0 else ''
+    kept = Figures(
+        f'calibration/truth.interface{way}',
+        rigs=rigs,
+        views=views,
+        index_known_to=index or None,
+        distance_measured_to=ruler or None,
+    )
+    table = kept.table(
+        'kinds',
+        '',
+        Column('index', '.4f'),
+        Column('normal (deg)', '.3f'),
+        Column('distance (mm)', '.2f'),
+        Column('in the 95 % region, %', '.1f'),
+        Column('position / bound', '.2f'),
+        Column('position / exact rig', '.2f'),
+    )
     whole: list[bool] = []
     every: list[tuple[float, float]] = []
     for kind in KINDS:
@@ -188,15 +206,19 @@ def interface_table(
         rms = {name: float(np.sqrt(np.mean(np.square(e)))) for name, e in errors.items()}
         error_square, bound, exact = np.mean(squares, axis=0)
         every.append((error_square / bound, error_square / exact))
-        lines.append(
-            f'| {kind} | {rms["index"]:.4f} | {np.degrees(rms["normal"]):.3f} '
-            f'| {1000 * rms["distance"]:.2f} | {100 * np.mean(inside):.1f} % '
-            f'| {np.sqrt(error_square / bound):.2f} | {np.sqrt(error_square / exact):.2f} |'
+        table.row(
+            kind,
+            rms['index'],
+            np.degrees(rms['normal']),
+            1000 * rms['distance'],
+            100 * np.mean(inside),
+            np.sqrt(error_square / bound),
+            np.sqrt(error_square / exact),
         )
     to_bound, to_exact = np.sqrt(np.mean(every, axis=0))
-    inside_all = f'{100 * np.mean(whole):.1f} %'
-    lines.append(f'| all {len(whole)} | | | | {inside_all} | {to_bound:.2f} | {to_exact:.2f} |')
-    return '\n'.join(lines)
+    inside_all = 100 * np.mean(whole)
+    table.row(f'all {len(whole)}', None, None, None, inside_all, to_bound, to_exact)
+    kept.keep()
 
 
 def position_squares(
@@ -330,17 +352,11 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.only != 'interface':
         with tempfile.TemporaryDirectory() as folder:
-            print(stereo_table(Path(folder)), end='\n\n')
+            compare_stereo(Path(folder))
     if arguments.only != 'stereo':
         aside = MIDDLE if arguments.middle else EVERYWHERE
-        print(
-            interface_table(
-                arguments.rigs,
-                arguments.views,
-                arguments.known_index,
-                arguments.ruler,
-                aside,
-            )
+        judge_interface(
+            arguments.rigs, arguments.views, arguments.known_index, arguments.ruler, aside
         )
 
 

@@ -12,12 +12,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import numpy as np
 
 import rendered
 from binopos_ros.detection import Detector, JpegImage, RawImage
+from figures import Column, Figures
 
 RANGES = ((8, 12), (12, 20), (20, 40), (40, 121))
 Row = tuple[float, float, float, float, float]
@@ -66,17 +68,25 @@ def main() -> int:
                 squared = float(error @ np.linalg.solve(target.covariance, error))
                 told = float(np.trace(target.covariance))
                 rows.setdefault(f'{kind}, {floor}', []).append((diameter, *error, told, squared))
-    print('| image, ground | diameter, px | discs | bias, px | RMS, px | told, px | NSE |')
-    print('|---|---|---|---|---|---|---|')
+    kept = Figures('detection/covariance', scenes=scenes)
+    table = kept.table(
+        'discs',
+        'image, ground',
+        Column('diameter, px'),
+        Column('discs', '.0f'),
+        Column('bias, px', '.3f'),
+        Column('RMS, px', '.3f'),
+        Column('told, px', '.3f'),
+        Column('NSE', '.2f'),
+    )
     for name, found in rows.items():
         for low, high in RANGES:
             some = np.array([row for row in found if low <= row[0] < high])
             bias, rms = np.abs(some[:, 1:3].mean(0)).max(), np.sqrt((some[:, 1:3] ** 2).mean())
             told = np.sqrt(some[:, 3].mean() / 2)
-            print(
-                f'| {name} | {low} to {min(high, 120)} | {len(some)} | {bias:.3f} | {rms:.3f} '
-                f'| {told:.3f} | {some[:, 4].mean():.2f} |'
-            )
+            square = some[:, 4].mean()
+            table.row(name, f'{low} to {min(high, 120)}', len(some), bias, rms, told, square)
+    kept.keep()
     return 0
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
@@ -22,6 +23,7 @@ import numpy as np
 import looks
 import rendered
 from binopos_ros.detection import Detector, JpegImage, RawImage, decode
+from figures import Column, Figures
 
 SIZES = (14, 20, 40, 80)
 ENCODINGS = ('bgr8', 'JPEG 95', 'JPEG 80', 'JPEG 50', 'yuyv', 'bayer_rggb8')
@@ -80,16 +82,18 @@ def main() -> int:
     chosen = sys.argv[2:] or list(every)
     cv2.setNumThreads(1)
     kept = cells = 0
-    print('| look | encoding | ' + ' | '.join(f'{size} px' for size in SIZES) + ' |')
-    print('|---|---|' + '---|' * len(SIZES))
+    figures = Figures('detection/looks', pictures=count)
+    sizes = (Column(f'{size} px') for size in SIZES)
+    table = figures.table('looks', 'look', Column('encoding'), *sizes)
     for name in chosen:
         taken = [pictures(every[name], size, count) for size in SIZES]
         for encoding in ENCODINGS:
             row = [cell(each, encoding) for each in taken]
             kept, cells = kept + sum(good for _, good in row), cells + len(row)
-            print(f'| {name} | {encoding} | ' + ' | '.join(words for words, _ in row) + ' |')
-            sys.stdout.flush()
+            table.row(name, encoding, *(words for words, _ in row))
     print(f'{kept} of {cells} cells keep to their goals')
+    if not sys.argv[2:]:
+        figures.keep()
     return 0
 
 

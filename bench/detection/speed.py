@@ -8,13 +8,18 @@ is left out, with a line saying so, where it is not installed.
 from __future__ import annotations
 
 import statistics
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import cv2
 import numpy as np
 
 from binopos_ros.detection import JPEG_DECODER, Detector, JpegImage, RawImage, decode
+from figures import Column, Figures
 
 WIDTH, HEIGHT = 1280, 960
 CENTRE, AXES = (702.3, 511.6), (20.0, 17.0)
@@ -76,6 +81,7 @@ def in_a_row(work: Callable[[], object], rounds: int = 300) -> list[float]:
 
 def main() -> int:
     cv2.setNumThreads(1)
+    found = Figures('detection/speed', peers=('pupil-apriltags', 'simplejpeg'))
     bgr = scene()
     jpeg = cv2.imencode('.jpg', bgr, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
     empty = cv2.GaussianBlur(bgr[:, ::-1], (0, 0), 60)
@@ -109,10 +115,16 @@ def main() -> int:
     times = interleaved(works)
     times['following, of pixels, nothing else'] = in_a_row(works['following, of pixels'])
     script = statistics.median(times['plain script (HSV, full frame)'])
-    print(f'{WIDTH} x {HEIGHT}, one thread' + ' ' * 21 + 'median ms   least ms   script / this')
+    table = found.table(
+        'works',
+        f'{WIDTH} x {HEIGHT}, one thread',
+        Column('ms', '.2f'),
+        Column('least, ms', '.2f'),
+        Column('plain script / this', '.2f', '<'),
+    )
     for name, each in times.items():
-        middle = statistics.median(each)
-        print(f'{name:40}{middle:10.3f}{min(each):11.3f}{script / middle:16.2f}')
+        table.row(name, each, min(each), script / statistics.median(each))
+    found.keep()
     if tags is None:
         print('pupil-apriltags is not installed: pip install pupil-apriltags to compare with it')
     return 0

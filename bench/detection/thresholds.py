@@ -8,9 +8,13 @@ Runs the detector over the real pictures of red buoys with one option changed at
 from __future__ import annotations
 
 import csv
+import sys
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+
 from binopos_ros.detection import Detector, Frame, JpegImage, decode
+from figures import Column, Figures
 
 DATA = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'robosub-red-buoy'
 CLEAR, OPEN = (100, 200, 300, 400, 900, 1000), (0, 500, 600, 700, 1100, 1400)
@@ -65,15 +69,15 @@ def main() -> int:
         print(f'{DATA.name} is not there: the real pictures are not in this checkout')
         return 0
     every = pictures()
-    print('option                     clear: boxes  hits  wrong   open: pictures  hits  wrong')
+    kept = Figures('detection/thresholds')
+    titles = 'clear: boxes', 'hits', 'wrong', 'open: pictures', 'hits', 'wrong'
+    table = kept.table('options', 'option', *(Column(title, '.0f') for title in titles))
     for change in CHANGES:
         detector = Detector(track=False, **change)
         clear, open_water = (counted(every, groups, detector) for groups in (CLEAR, OPEN))
         name = ', '.join(f'{key} = {value}' for key, value in change.items()) or 'as they are'
-        print(
-            f'{name:27}{clear[1]:12}{clear[2]:6}{clear[3]:7}'
-            f'{open_water[0]:17}{open_water[2]:6}{open_water[3]:7}'
-        )
+        table.row(name, *clear[1:], open_water[0], *open_water[2:])
+    kept.keep()
     return 0
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import numpy as np
@@ -24,6 +25,7 @@ import layer_stacks
 from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.optics.arithmetic import ARRAYS
 from binopos_ros.optics.stack import ParallelStack
+from figures import Column, Figures
 
 CAMERA = PinholeCamera([[800.0, 0, 640], [0, 800, 480], [0, 0, 1]], (), (1280, 960))
 STEP = 1e-6
@@ -88,14 +90,22 @@ def derivatives(rig: StereoRig, points: np.ndarray) -> float:
 def main() -> None:
     """Print one line per stack."""
     points = np.random.default_rng(3).uniform([-0.5, -0.4, 1.15], [0.6, 0.4, 2.5], (105, 3))
-    print('| layers | round trip, px | steps, most | steps, mean | derivatives |')
-    print('|---|---|---|---|---|')
+    found = Figures('optics/geometry')
+    table = found.table(
+        'layers',
+        'layers',
+        Column('round trip, px', '.1e'),
+        Column('steps, most', '.0f'),
+        Column('steps, mean', '.3g'),
+        Column('derivatives', '.1e'),
+    )
     for name, rig in layer_stacks.RIGS.items():
-        trip, most, mean = '', '', ''
+        alone: tuple[float | None, ...] = (None, None, None)
         if name in layer_stacks.STACKS:
-            trip = f'{round_trip(*layer_stacks.STACKS[name]):.1e}'
-            most, mean = (f'{value:.3g}' for value in steps(*layer_stacks.STACKS[name]))
-        print(f'| {name} | {trip} | {most} | {mean} | {derivatives(rig, points):.1e} |')
+            layers = layer_stacks.STACKS[name]
+            alone = round_trip(*layers), *steps(*layers)
+        table.row(name, *alone, derivatives(rig, points))
+    found.keep()
 
 
 if __name__ == '__main__':

@@ -3,19 +3,22 @@
 Run as `python bench/optics/speed.py`; with `aquacal` installed in the same environment (pip
 install aquacal) its columns are filled in, otherwise the table says so. The scene is the paper's:
 two cameras with five distortion terms, 230 mm apart, 0.8 m above water. OpenCV's functions know no
-refraction; they are here as the floor. Every figure is the best of several runs.
-The last table is of two housings with a port each: flat ones, domes, and both before a wall.
+refraction; they are here as the floor. The last table is of two housings with a port each: flat
+ones, domes, and both before a wall. Kept as `bench/results/optics/speed.json`.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import cv2
 import numpy as np
@@ -24,6 +27,7 @@ from binopos_ros.optics import DomePort, FlatInterface, PinholeCamera, StereoRig
 from binopos_ros.optics.interface import Interface
 from binopos_ros.optics.lens import EQUIDISTANT
 from binopos_ros.triangulation import triangulate
+from figures import Column, Figures, Table
 
 INDEX = 1.333
 SURFACE = 0.8  # m
@@ -35,14 +39,14 @@ COVARIANCE = 0.01 * np.eye(2)  # px^2
 ROUNDS = 20
 
 
-def seconds(work: Callable[[], Any], runs: int) -> float:
-    """Return the shortest of several runs."""
-    best = float('inf')
+def seconds(work: Callable[[], Any], runs: int, count: int = 1) -> np.ndarray:
+    """Return what each of several runs took, per point of `count`."""
+    taken = []
     for _ in range(runs):
         start = time.perf_counter()
         work()
-        best = min(best, time.perf_counter() - start)
-    return best
+        taken.append((time.perf_counter() - start) / count)
+    return np.array(taken)
 
 
 class AquaCal:
@@ -95,14 +99,17 @@ def opencv_triangulate(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     return (homogeneous[:3] / homogeneous[3]).T
 
 
-def row(name: str, ours: float, peer: float | None, floor: float, count: int) -> None:
-    """Print one line: points per second, and ratios."""
-    known = f'{count / peer:>12,.0f} {peer / ours:>9.3g}x' if peer else f'{"-":>12} {"-":>10}'
-    print(f'{name:<34}{count / ours:>14,.0f} {known} {count / floor:>14,.0f}')
+def add(
+    table: Table, name: str, ours: np.ndarray, peer: np.ndarray | None, floor: np.ndarray
+) -> None:
+    """Add a row: points per second, and how many times the others' that is."""
+    mine, least = np.median(ours), np.median(floor)
+    known = (None, None) if peer is None else (1 / peer, np.median(peer) / mine)
+    table.row(name, 1 / ours, *known, 1 / floor, least / mine)
 
 
-def housings() -> None:
-    """Print what a port each costs, by its shape: us per point, and per live pair."""
+def housings(found: Figures) -> None:
+    """Add what a port each costs, by its shape: us per point, and per live pair."""
     glass = (1.0, 1.49, INDEX)
     flat = [FlatInterface((x, 0.01, 1.0), 0.035, glass, (0.008,)) for x in (0.02, -0.01)]
     domes = [DomePort((x, -0.001, 0.004), 0.05, 0.005, glass) for x in (0.002, -0.001)]
@@ -116,7 +123,7 @@ def housings() -> None:
         ('flat before a wall', flat, wall, brown),
         ('domes before a wall', domes, wall, brown),
     )
-    best = {name: [float('inf')] * 3 for name, *_ in kinds}
+    taken: dict[str, list[list[float]]] = {name: [[], [], []] for name, *_ in kinds}
     # By turns, so that whatever else the machine does falls on all alike.
     for _ in range(ROUNDS):
         for name, pair, surface, lens in kinds:
@@ -124,18 +131,26 @@ def housings() -> None:
             some = points[: 200 if surface else None]
             left, right = (pixels[0] for pixels in rig.project(points[:1]))
             took = (
-                seconds(partial(rig.project, some), 3) / len(some),
-                seconds(partial(rig.differentiate, some), 3) / len(some),
+                seconds(partial(rig.project, some), 3, len(some)),
+                seconds(partial(rig.differentiate, some), 3, len(some)),
                 seconds(partial(triangulate, rig, left, right, COVARIANCE, COVARIANCE), 40),
             )
-            best[name] = [min(pair) for pair in zip(best[name], took, strict=True)]
-    print(f'\n{"a port each":<24}{"project":>10}{"derivatives":>13}{"live pair":>11}   (us)')
-    for name, (project, slopes, live) in best.items():
-        print(f'{name:<24}{1e6 * project:>10.2f}{1e6 * slopes:>13.2f}{1e6 * live:>11.0f}')
+            for kept, each in zip(taken[name], took, strict=True):
+                kept.extend(1e6 * each)
+    table = found.table(
+        'ports',
+        'a port each',
+        Column('project, us a point', '.2f'),
+        Column('derivatives, us a point', '.2f'),
+        Column('live pair, us', '.0f'),
+    )
+    for name, columns in taken.items():
+        table.row(name, *columns)
 
 
 def main() -> None:
     """Run everything and print the tables."""
+    found = Figures('optics/speed', peers=('aquacal',))
     camera = PinholeCamera(MATRIX, TERMS, SIZE)
     surface = FlatInterface((0, 0, 1), SURFACE, (1.0, INDEX))
     rig = StereoRig(camera, camera, np.eye(3), SHIFT, surface)
@@ -146,46 +161,53 @@ def main() -> None:
     left += 0.1 * rng.standard_normal(left.shape)
     aquacal = AquaCal() if importlib.util.find_spec('aquacal') else None
     if aquacal is None:
-        print('aquacal is not installed: its column is left empty (pip install aquacal)\n')
+        print('aquacal is not installed: its column is left empty (pip install aquacal)')
     else:
         apart = np.abs(aquacal.project(few) - np.hstack(rig.project(few))).max()
-        print(f'largest difference from AquaCal over {len(few):,} points: {apart:.1e} px\n')
+        print(f'largest difference from AquaCal over {len(few):,} points: {apart:.1e} px')
 
     def straight() -> None:
         for shift in (np.zeros(3), SHIFT):
             cv2.projectPoints(few, np.zeros(3), shift, MATRIX, TERMS)
 
-    print(f'{os.cpu_count()} cores; OpenCV without refraction')
-    print(f'{"points per second":<34}{"binopos":>14} {"AquaCal":>12} {"ratio":>10} {"OpenCV":>14}')
-    share = len(many) / len(few)
-    peer = share * seconds(lambda: aquacal.project(few), 3) if aquacal else None
-    floor = share * seconds(straight, 50)
-    row('project, both cameras', seconds(lambda: rig.project(many), 7), peer, floor, len(many))
-    row('project with derivatives', seconds(lambda: rig.differentiate(many), 5), peer, floor,
-        len(many))  # fmt: skip
+    table = found.table(
+        'points',
+        'points per second',
+        Column('binopos_ros', ',.0f'),
+        Column('AquaCal', ',.0f'),
+        Column("times AquaCal's", '.3g', '<'),
+        Column('OpenCV, straight rays', ',.0f'),
+        Column("times OpenCV's", '.2g', '<'),
+    )
+    peer = seconds(lambda: aquacal.project(few), 3, len(few)) if aquacal else None
+    floor = seconds(straight, 50, len(few))
+    ours = seconds(lambda: rig.project(many), 7, len(many))
+    add(table, 'project, both cameras', ours, peer, floor)
+    ours = seconds(lambda: rig.differentiate(many), 5, len(many))
+    add(table, 'project with derivatives', ours, peer, floor)
 
-    def ours() -> None:
+    def all_at_once() -> None:
         triangulate(rig, left, right, COVARIANCE, COVARIANCE)
 
-    peer = floor = 0.0
     if aquacal:
-        peer = 200 * seconds(lambda: aquacal.triangulate(left[:2000], right[:2000]), 3)
-    floor = seconds(lambda: opencv_triangulate(left, right), 3)
-    row('triangulate, with covariance', seconds(ours, 5), peer or None, floor, len(many))
+        peer = seconds(lambda: aquacal.triangulate(left[:2000], right[:2000]), 3, 2000)
+    floor = seconds(lambda: opencv_triangulate(left, right), 5, len(many))
+    ours = seconds(all_at_once, 5, len(many))
+    add(table, 'triangulate, with covariance', ours, peer, floor)
 
-    def one_by_one(call: Callable[[np.ndarray, np.ndarray], Any], count: int = 40) -> float:
+    def one_by_one(call: Callable[[np.ndarray, np.ndarray], Any], count: int = 40) -> np.ndarray:
         def loop() -> None:
             for i in range(count):
                 call(left[i : i + 1], right[i : i + 1])
 
-        return seconds(loop, 60) / count
+        return seconds(loop, 60, count)
 
     live = one_by_one(lambda a, b: triangulate(rig, a[0], b[0], COVARIANCE, COVARIANCE))
-    peer = one_by_one(aquacal.triangulate) if aquacal else 0.0
+    peer = one_by_one(aquacal.triangulate) if aquacal else None
     floor = one_by_one(opencv_triangulate)
-    row('triangulate, one pair at a time', live, peer or None, floor, 1)
-    print(f'\none live triangulation with covariance: {1e6 * live:.0f} us')
-    housings()
+    add(table, 'triangulate, one pair at a time', live, peer, floor)
+    housings(found)
+    found.keep()
 
 
 if __name__ == '__main__':

@@ -8,7 +8,11 @@ bear. It is the processor's time, so that other work on the machine hardly count
 
 from __future__ import annotations
 
+import sys
 import time
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
@@ -20,6 +24,7 @@ from binopos_ros.simulation.rig_motion import (
     mounting,
     rig_motion,
 )
+from figures import Column, Figures
 
 PAIRS = 3000
 CAMERA, ROBOT = 30.0, 50.0
@@ -29,10 +34,11 @@ POINT = np.array([0.1, 0.05, 1.5])
 
 def main() -> None:
     """Print the table."""
-    print(f'{"source":<12}{"median (us)":>12}{"lower quartile":>16}')
+    found = Figures('platform/speed')
+    table = found.table('pairs', 'source', Column('a pair, us of the processor', '.0f'))
     for source in ('odometry', 'tf'):
-        taken = 1e6 * timed(source)
-        print(f'{source:<12}{np.median(taken):>12.0f}{np.percentile(taken, 25):>16.0f}')
+        table.row(source, 1e6 * timed(source))
+    found.keep()
 
 
 def timed(source: str) -> np.ndarray:

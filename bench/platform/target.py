@@ -18,9 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.append(str(Path(__file__).parents[2] / 'test' / 'scenes'))
 
 from binopos_ros.simulation.rig_motion import Odometer
+from figures import Column, Figures
 from hovering import Outcome, hovering, rms
 
 STILL, MOVING = 24, 6
@@ -32,11 +34,13 @@ ODOMETERS = {
 
 def main() -> None:
     """Print the table."""
-    print(
-        f'{"odometry":<20}{"m":>4}{"px":>6}{"raw":>8}{"optimal":>9}{"mean":>8}{"square":>8}'
-        f'{"pose":>8}{"square":>8}{"+-":>6}{"of opt.":>9}'
-        f'{"moving: raw":>13}{"pose":>8}{"square":>8}'
+    kept = Figures('platform/target')
+    titles = (
+        *('range, m', 'noise, px', 'raw', 'optimal', 'mean', 'square', 'pose', 'square', '+-'),
+        *('pose / optimal', 'moving: raw', 'pose', 'square'),
     )
+    columns = (Column(title, '.2f') for title in titles)
+    table = kept.table('targets', 'odometry from sample to sample', *columns)
     seeds = iter(range(10**6))
     for name, odometer in ODOMETERS.items():
         for distance in (1.0, 2.0, 3.0):
@@ -51,14 +55,13 @@ def main() -> None:
                 raw, optimal, own, pose = (
                     _all(still, each) for each in ('raw', 'optimal', 'own', 'pose')
                 )
-                print(
-                    f'{name:<20}{distance:>4.0f}{pixels:>6.2f}{raw:>8.2f}{optimal:>9.2f}'
-                    f'{own:>8.2f}{_square(still, "own"):>8.2f}{pose:>8.2f}'
-                    f'{_square(still, "pose"):>8.2f}{_doubt(still):>6.2f}{pose / optimal:>9.2f}'
-                    f'{_all(moving, "raw"):>13.2f}{_all(moving, "pose"):>8.2f}'
-                    f'{_square(moving, "pose"):>8.2f}',
-                    flush=True,
+                table.row(
+                    name,
+                    *(distance, pixels, raw, optimal, own, _square(still, 'own')),
+                    *(pose, _square(still, 'pose'), _doubt(still), pose / optimal),
+                    *(_all(moving, 'raw'), _all(moving, 'pose'), _square(moving, 'pose')),
                 )
+    kept.keep()
 
 
 def _all(runs: list[Outcome], name: str) -> float:

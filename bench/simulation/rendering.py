@@ -10,30 +10,45 @@ processor.
 from __future__ import annotations
 
 import dataclasses
+import sys
 import time
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
 from binopos_ros.simulation import PRESETS, Choices, Disc, Renderer, Scene, Sensor, Water
 from binopos_ros.simulation.backdrop import OpenWater
 from binopos_ros.simulation.target import HarmonicPath
+from figures import Column, Figures
 
 CLEAR = Water(absorption=(0.0, 0.0, 0.0), scattering=0.0, veil=(0.0, 0.0, 0.0))
 DARKNESS = OpenWater(np.array([0, 1.0, 0]), 10.0, np.zeros((2, 2, 3), np.float32), CLEAR)
 PICTURES = 20
-FRAMES = 1000
+FRAMES, ROUNDS = 1000, 5
 
 
 def main() -> None:
-    print('disc in the bowl   diameter (px)   bias (px)   worst (px)   area (relative)')
+    found = Figures('simulation/rendering')
+    table = found.table(
+        'truth',
+        'disc in the bowl',
+        Column('diameter (px)', '.1f'),
+        Column('mean bias (px)', '.4f'),
+        Column('worst of 8 (px)', '.4f'),
+        Column('area (relative)', '.5f'),
+    )
     for label, waves in (('calm', None), ('waves of 0.4 mm', 0.0004)):
         for diameter in (0.012, 0.03, 0.1):
             wide, errors, areas = biases(waves, diameter)
-            print(
-                f'{label:16} {wide:12.1f} {np.linalg.norm(errors.mean(axis=0)):14.5f}'
-                f' {np.abs(errors).max():12.5f} {np.abs(areas).max():14.5f}'
-            )
-    print('\npictures           per pair (ms)')
+            bias = float(np.linalg.norm(errors.mean(axis=0)))
+            table.row(label, wide, bias, np.abs(errors).max(), np.abs(areas).max())
+    table = found.table(
+        'pictures',
+        'pictures, noise and JPEG included',
+        Column('one pair, one processor (ms)', '.0f'),
+    )
     for name, choices in (
         ('washbowl', Choices()),
         ('washbowl', Choices(waves=0.0007)),
@@ -41,14 +56,20 @@ def main() -> None:
         ('demo', Choices()),
     ):
         label = name + (', waves' if choices.waves else '')
-        print(f'{label:16} {1e3 * cost_of_pair(PRESETS[name].make(choices)):12.0f}')
-    print('\napparent pixels of the disc without rendering, pairs per second')
+        table.row(label, 1e3 * costs_of_pairs(PRESETS[name].make(choices)))
+    table = found.table(
+        'pixels', 'apparent pixels, without pictures', Column('pairs a second', ',.0f')
+    )
     for label, choices in (('calm', Choices()), ('waves', Choices(waves=0.0007))):
         scene = PRESETS['washbowl'].make(choices)
         times = scene.times(FRAMES)
-        start = time.process_time()
-        scene.measurements(times)
-        print(f'{label:16} {FRAMES / (time.process_time() - start):12.0f}')
+        rates = []
+        for _ in range(ROUNDS):
+            start = time.process_time()
+            scene.measurements(times)
+            rates.append(FRAMES / (time.process_time() - start))
+        table.row(label, rates)
+    found.keep()
 
 
 def biases(waves: float | None, diameter: float) -> tuple[float, np.ndarray, np.ndarray]:
@@ -93,15 +114,17 @@ def outline(scene: Scene, moment: float) -> tuple[np.ndarray, float]:
     return start + ((a + b) * cross[:, None]).sum(axis=0) / (6 * area), abs(area)
 
 
-def cost_of_pair(scene: Scene) -> float:
-    """Processor seconds of one pair, noise and JPEG included."""
+def costs_of_pairs(scene: Scene) -> np.ndarray:
+    """Processor seconds of each pair, noise and JPEG included."""
     renderers = [Renderer(scene, side) for side in range(2)]
-    start = time.process_time()
+    taken = []
     for number in range(PICTURES):
+        start = time.process_time()
         for renderer in renderers:
             noise = np.random.Generator(np.random.SFC64([0, number]))
             scene.sensor.encode(renderer.picture(number / scene.rate, noise))
-    return (time.process_time() - start) / PICTURES
+        taken.append(time.process_time() - start)
+    return np.array(taken)
 
 
 if __name__ == '__main__':

@@ -21,6 +21,10 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
@@ -40,6 +44,7 @@ from binopos_ros.evaluation.trials.paths import KINDS
 from binopos_ros.evaluation.trials.score import run, run_together
 from binopos_ros.evaluation.trials.waters import WATERS, draw_water
 from binopos_ros.smoothing import FILTERS, make_filter
+from figures import Column, Figures, Table
 
 RATES, PIXEL_STDS, DISTANCES = (10.0, 30.0, 100.0), (0.01, 0.1, 1.0), (0.2, 1.0, 10.0)
 #: The goal: no pose is worse than its positions by more.
@@ -55,7 +60,13 @@ FAULTS = {
 }
 #: Of the default filter, where they are not its own.
 OPTIONS: dict[str, float] = {}
-HEADER = '| ratio: median | largest | above 1.05 | squares | inside |'
+HEADER = (
+    Column('ratio: median', '.2f'),
+    Column('largest', '.2f'),
+    Column('above 1.05'),
+    Column('squares', '.2f'),
+    Column('inside, %', '.0f'),
+)
 
 
 def main() -> None:
@@ -71,10 +82,14 @@ def main() -> None:
         name, value = setting.split('=')
         OPTIONS[name] = float(value)
     for name in arguments.tables:
-        TABLES[name](range(arguments.seeds))
+        kept = Figures(
+            f'smoothing/motions.{name}', seeds=arguments.seeds, options=', '.join(arguments.set)
+        )
+        TABLES[name](kept, range(arguments.seeds))
+        kept.keep()
 
 
-def ports_tables(seeds: range) -> None:
+def ports_tables(kept: Figures, seeds: range) -> None:
     """Motions behind ports: by motion, and by noise and distance."""
     rig = ports_rig()
     grid = [
@@ -95,11 +110,14 @@ def ports_tables(seeds: range) -> None:
             if not found.ratio <= WORST:
                 found = score(seen, trial, run(smoother, trial))
             scores.setdefault((kind, conditions), []).append(found)
-    print('\n### Behind ports, by motion\n')
-    print(f'| motion {HEADER}\n|---|---|---|---|---|---|')
+    table = kept.table('motions', 'motion', *HEADER)
     for kind in MOTIONS:
-        row(kind, [each for key, found in scores.items() if key[0] == kind for each in found])
-    row('all', [each for found in scores.values() for each in found])
+        row(
+            table,
+            kind,
+            [each for key, found in scores.items() if key[0] == kind for each in found],
+        )
+    row(table, 'all', [each for found in scores.values() for each in found])
     gentle = [
         each.ratio
         for (kind, conditions), found in scores.items()
@@ -107,10 +125,10 @@ def ports_tables(seeds: range) -> None:
         if kind in GENTLE and conditions.pixel_std >= 0.05
     ]
     print(f'\nmedian ratio of {", ".join(GENTLE)} at 0.1 px and more: {np.median(gentle):.2f}')
-    print('\n### Behind ports, by distance and noise\n')
-    print(f'| distance, noise {HEADER}\n|---|---|---|---|---|---|')
+    table = kept.table('distances', 'distance, noise', *HEADER)
     for distance, noise in itertools.product(DISTANCES, PIXEL_STDS):
         row(
+            table,
             f'{distance:g} m, {noise:g} px',
             [
                 each
@@ -132,16 +150,16 @@ def ports_tables(seeds: range) -> None:
         )
 
 
-def faults_table(seeds: range) -> None:
+def faults_table(kept: Figures, seeds: range) -> None:
     """Motions behind ports, seen by a detector with faults."""
     rig = ports_rig()
-    print('\n### Behind ports, 30 Hz, 0.1 px, 1 m, by what is wrong\n')
-    print(f'| fault {HEADER}\n|---|---|---|---|---|---|')
+    table = kept.table('faults', 'fault', *HEADER)
     for name, conditions in FAULTS.items():
         cases = itertools.product(MOTIONS, seeds)
         views = [draw_views(kind, rig, conditions, seed) for kind, seed in cases]
         smoother = make_filter('cloud-kalman', **OPTIONS)
         row(
+            table,
             name,
             [
                 score(seen, trial, run(smoother, trial))
@@ -150,12 +168,12 @@ def faults_table(seeds: range) -> None:
         )
 
 
-def opponents_table(seeds: range) -> None:
+def opponents_table(kept: Figures, seeds: range) -> None:
     """Every filter behind ports, with the values that it was tuned to in a basin."""
     rig = ports_rig()
     kinds = ('still', 'hovering', 'swinging rig')
-    print('\n### Behind ports, 30 Hz, 0.1 px, 1 m: median ratio of every filter\n')
-    print(f'| filter | {" | ".join(kinds)} |\n|---|---|---|---|')
+    columns = (Column(kind, '.2f') for kind in kinds)
+    table = kept.table('filters', 'filter, median ratio', *columns)
     views = {kind: [draw_views(kind, rig, Conditions(), seed) for seed in seeds] for kind in kinds}
     trials = {kind: measure(rig, views[kind]) for kind in kinds}
     for name in FILTERS:
@@ -163,44 +181,41 @@ def opponents_table(seeds: range) -> None:
         for kind in kinds:
             tracks = run_together(make_filter(name), trials[kind])
             found = map(score, views[kind], trials[kind], tracks)
-            medians.append(f'{np.median([each.ratio for each in found]):.2f}')
-        print(f'| {name} | {" | ".join(medians)} |', flush=True)
+            medians.append(float(np.median([each.ratio for each in found])))
+        table.row(name, *medians)
 
 
-def waters_table(seeds: range) -> None:
+def waters_table(kept: Figures, seeds: range) -> None:
     """Waters under a free surface."""
-    print('\n### Under a free surface, 30 Hz, 0.05 px, slope 0.02 RMS\n')
-    print(f'| water | positions, poses: RMS (mm) {HEADER}\n|---|---|---|---|---|---|---|')
+    of_both = Column('positions: RMS, mm', '.2f'), Column('poses: RMS, mm', '.2f')
+    table = kept.table('waters', 'water', *of_both, *HEADER)
     for name, water in WATERS.items():
         found = []
         for kind, seed in itertools.product(KINDS, seeds):
             rig, views = draw_water(name, kind, seed)
             found.append(score(views, *track(rig, views, **OPTIONS)))
         raw, pose = 1e3 * np.mean([(each.raw, each.pose) for each in found], axis=0)
-        row(f'{name}, {water.lowest:g}-{water.highest:g} Hz | {raw:.2f}, {pose:.2f}', found)
+        row(table, f'{name}, {water.lowest:g}-{water.highest:g} Hz', found, raw, pose)
 
 
-def calibration_table(_: range) -> None:
+def calibration_table(kept: Figures, _: range) -> None:
     """A rig whose calibration leaves 2 mm that all frames share, beside 0.3 mm of noise."""
     found = drawn_squares(200)
-    print('\n### A rig with its calibration, drawn 200 times: still target, 10 frames\n')
-    print('| | stated deviation (mm) | squares |\n|---|---|---|')
+    columns = Column('stated deviation (mm)', '.2f'), Column('squares', '.2f')
+    table = kept.table('drawn', 'drawn 200 times, still target, 10 frames', *columns)
     for name in ('position', 'pose'):
         deviation, squares = getattr(found, name)
-        print(f'| {name} | {1e3 * deviation:.2f} | {squares:.2f} |')
+        table.row(name, 1e3 * deviation, squares)
 
 
-def row(name: str, found: list[Score]) -> None:
-    """Print a row of a table."""
+def row(table: Table, name: str, found: list[Score], *before: float) -> None:
+    """Add a row to a table."""
     ratio = np.array([each.ratio for each in found])
     squares = np.mean([each.normalised for each in found])
     inside = 100.0 * np.mean([each.inside for each in found])
     above = np.count_nonzero(~(ratio <= WORST))
-    print(
-        f'| {name} | {np.median(ratio):.2f} | {ratio.max():.2f} | {above} of {ratio.size} | '
-        f'{squares:.2f} | {inside:.0f} % |',
-        flush=True,
-    )
+    whole = float(np.median(ratio)), ratio.max(), f'{above} of {ratio.size}', squares, inside
+    table.row(name, *before, *whole)
 
 
 TABLES = {

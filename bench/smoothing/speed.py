@@ -1,6 +1,6 @@
 """Time per step of the smoothers beside filterpy's predict and update.
 
-python bench/smoothing/speed.py [FILTER ...] (all by default)
+python bench/smoothing/speed.py [FILTER ...] (all by default, and kept only then)
 """
 
 from __future__ import annotations
@@ -8,12 +8,16 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import filterpy.kalman
 import numpy as np
 
 from binopos_ros.evaluation.trials.sequences import unseen_set
 from binopos_ros.smoothing import FILTERS, make_filter
+from figures import Column, Figures
 
 ROUNDS = 5
 PEER = 'filterpy predict + update'
@@ -24,6 +28,7 @@ Step = tuple[float, np.ndarray, np.ndarray] | tuple[float, np.ndarray, np.ndarra
 
 def main() -> None:
     """Print the table, from rounds in turn, so that all filters meet the same machine."""
+    found = Figures('smoothing/speed', peers=('filterpy',))
     trial = unseen_set(1)[0]
     steps = [
         (float(trial.stamps[number]), trial.positions[number], trial.covariances[number])
@@ -48,9 +53,16 @@ def main() -> None:
             seconds[name] += timed(start(), taken)
     # The lower quartile is a step that no other work on the machine got in the way of.
     typical = {name: float(np.percentile(taken, 25)) for name, taken in seconds.items()}
-    print(f'{"filter":<28}{"us per step":>12}{"of filterpy":>13}')
+    table = found.table(
+        'steps',
+        'filter',
+        Column('us a step', '.0f'),
+        Column("times filterpy's, by lower quartiles", '.2f', '>'),
+    )
     for name, value in typical.items():
-        print(f'{name:<28}{1e6 * value:>12.1f}{value / typical[PEER]:>13.2f}')
+        table.row(name, 1e6 * np.array(seconds[name]), value / typical[PEER])
+    if not sys.argv[1:]:
+        found.keep()
 
 
 def timed(step: Callable[..., object], steps: Sequence[Step]) -> list[float]:

@@ -15,26 +15,36 @@ import argparse
 import sys
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import numpy as np
 
 import every_rig
 from binopos_ros.triangulation import triangulate
+from figures import Column, Figures
 
 LEFT = np.array([[0.010, 0.004], [0.004, 0.020]])  # px^2
+POINTS = 10_000
 RIGHT = np.array([[0.015, -0.006], [-0.006, 0.008]])
 
 
 def main() -> None:
     """Print one line per rig."""
     parser = argparse.ArgumentParser(description='Triangulation against the Cramer-Rao bound.')
-    parser.add_argument('--points', type=int, default=10_000)
+    parser.add_argument('--points', type=int, default=POINTS)
     count = parser.parse_args().points
     rng = np.random.default_rng(0)
     points = rng.uniform([-0.25, -0.25, 1.0], [0.4, 0.25, 1.6], (count, 3))
-    print('| rig | bound, mm | RMS | NSE | straight, mm |')
-    print('|---|---|---|---|---|')
+    kept = Figures('triangulation/bound')
+    table = kept.table(
+        'rigs',
+        'rig',
+        Column('bound, mm', '.3f'),
+        Column('RMS', '.4f'),
+        Column('NSE', '.3f'),
+        Column('straight, mm', '.1f'),
+    )
     for name, rig in every_rig.RIGS.items():
         left, right = rig.project(points)
         left = left + rng.standard_normal(left.shape) @ np.linalg.cholesky(LEFT).T
@@ -47,10 +57,10 @@ def main() -> None:
         squared = np.linalg.solve(found.covariances, errors[:, :, None])[:, :, 0]
         straight = triangulate(rig, left, right, LEFT, RIGHT, method='straight').points - points
         naive = np.sqrt(np.nanmean((straight**2).sum(axis=1)))
-        print(
-            f'| {name} | {1e3 * bound:.3f} | {rms / bound:.4f} |'
-            f' {(errors * squared).sum(axis=1).mean():.3f} | {1e3 * naive:.1f} |'
-        )
+        square = (errors * squared).sum(axis=1).mean()
+        table.row(name, 1e3 * bound, rms / bound, square, 1e3 * naive)
+    if count == POINTS:
+        kept.keep()
 
 
 if __name__ == '__main__':

@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import cv2
@@ -31,18 +32,27 @@ from binopos_ros.optics.uncertain_rig import UncertainRig
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.index import IndexEstimator
+from figures import Column, Figures
 
 PRIOR_STD = 0.015
+RUNS = 400
 
 
-def honesty(runs: int) -> None:
+def honesty(found: Figures, runs: int) -> None:
     random = np.random.default_rng(1)
     print(
         f'{runs} runs of 20 pairs per setting, {index_settings.PIXEL_STD} px, '
-        f'prior 1.355 +- {PRIOR_STD}\n'
+        f'prior 1.355 +- {PRIOR_STD}'
     )
-    print('| setting | one pair | 20 pairs, bound | RMS error / bound | chi-square |')
-    print('|---|---|---|---|---|')
+    table = found.table(
+        'honesty',
+        'setting',
+        Column('one pair', '.4f'),
+        Column('20 pairs, bound', '.5f'),
+        Column('RMS error / bound', '.3f'),
+        Column('chi-square', '.3f'),
+        Column('+-', '.3f'),
+    )
     every = []
     for name, setting in index_settings.SETTINGS.items():
         points = index_settings.path(setting, 200, random)
@@ -50,16 +60,15 @@ def honesty(runs: int) -> None:
         errors, stds, bound = index_settings.trial(name, runs, 20, PRIOR_STD, random, strata=False)
         squares = (errors / stds) ** 2
         every.append(squares)
-        print(
-            f'| {name} | {np.median(one):.4f} | {bound:.5f} | '
-            f'{np.sqrt(np.mean(errors**2)) / bound:.3f} | {squares.mean():.3f} |'
-        )
+        ratio = float(np.sqrt(np.mean(errors**2))) / bound
+        chance = np.sqrt(2 / len(squares))
+        table.row(name, float(np.median(one)), bound, ratio, squares.mean(), chance)
     squares = np.concatenate(every)
     chance = np.sqrt(2 / len(squares))
-    print(f'| all {len(squares)} runs | | | | {squares.mean():.3f} +- {chance:.3f} |')
+    table.row(f'all {len(squares)} runs', None, None, None, squares.mean(), chance)
 
 
-def speed() -> None:
+def speed(found: Figures) -> None:
     setting = index_settings.SETTINGS['washbowl, corner']
     rig, random = setting.rig, np.random.default_rng(2)
     points = index_settings.path(setting, 500, random)
@@ -131,19 +140,22 @@ def speed() -> None:
         ),
         'point and index by scipy.optimize.least_squares': (5, fit),
     }
-    best = dict.fromkeys(ways, np.inf)
+    taken: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(15):
         for name, (count, way) in ways.items():
             started = time.process_time()
             for row in pixels[:count]:
                 way(row)
-            best[name] = min(best[name], (time.process_time() - started) / count)
-    own = best['triangulation and index']
-    print('\nOne pair, processor time, best of 15 rounds\n')
-    print('| | us | against triangulation and index |')
-    print('|---|---|---|')
-    for name, seconds in best.items():
-        print(f'| {name} | {1e6 * seconds:.0f} | {seconds / own:.2f} |')
+            taken[name].append(1e6 * (time.process_time() - started) / count)
+    own = min(taken['triangulation and index'])
+    table = found.table(
+        'speed',
+        'one pair, processor time',
+        Column('us', '.0f'),
+        Column('times triangulation and index, by the least', '.2f'),
+    )
+    for name, each in taken.items():
+        table.row(name, each, min(each) / own)
 
 
 def rig_before_a_leaning_pane(rig: StereoRig) -> StereoRig:
@@ -161,11 +173,14 @@ def update_by(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--runs', type=int, default=400, help='per setting; 0: speed alone')
+    parser.add_argument('--runs', type=int, default=RUNS, help='per setting; 0: speed alone')
     runs = parser.parse_args().runs
+    found = Figures('triangulation/index', peers=('scipy',))
     if runs:
-        honesty(runs)
-    speed()
+        honesty(found, runs)
+    speed(found)
+    if runs == RUNS:
+        found.keep()
 
 
 if __name__ == '__main__':

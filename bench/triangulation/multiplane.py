@@ -12,8 +12,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
+from figures import Column, Figures
 from multiplane_fits import PLANES, Media, free_index, located, published, refit, rms
 
 DATA = Path(__file__).resolve().parents[3] / 'shared' / 'data' / 'openptv-multiplane'
@@ -23,18 +25,28 @@ def main() -> None:
     """Print the tables."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else DATA
     poses = [published(folder, camera) for camera in (1, 2)]
-    print('3-D RMS of 1620 dots, mm            published calibration')
+    found = Figures('triangulation/multiplane')
+    table = found.table('errors', '', Column('3-D RMS, mm', '.3f'))
     for method in ('refractive', 'paper', 'straight'):
-        print(f'  {method:<33}{rms(located(folder, poses, PLANES, Media(), method)):.3f}')
-    print('refit on planes 1, 2, 4             plane 3, unseen')
-    for name, media in (('bent', Media()), ('pinhole', Media(bent=False))):
+        error = rms(located(folder, poses, PLANES, Media(), method))
+        table.row(f'published calibration, `{method}`, 1620 dots', error)
+    for name, media in (('bent rays', Media()), ('a pinhole, any pose', Media(bent=False))):
         fitted = refit(folder, (1, 2, 4), media)[0]
-        print(f'  {name:<33}{rms(located(folder, fitted, (3,), media, "refractive")):.3f}')
-    found = free_index(folder)
-    print(f'water index left free, 95 %         {found.index:.4f} +- {found.interval:.4f}')
-    print('  standard deviation if one erred as one:')
-    for name in ('dots', 'images', 'planes'):
-        print(f'  {name:<33}{getattr(found, name):.4f}')
+        error = rms(located(folder, fitted, (3,), media, 'refractive'))
+        table.row(f'{name}, refit on planes 1, 2, 4; plane 3, unseen', error)
+    free = free_index(folder)
+    table = found.table(
+        'index', "the water's index left free", Column('index', '.3f'), Column('95 %, +-', '.3f')
+    )
+    table.row('refit on all planes', free.index, free.interval)
+    table = found.table('deviations', 'errs as one', Column('standard deviation', '.4f'))
+    for words, name in (
+        ('a dot', 'dots'),
+        ('an image (one camera, one plane: 405 dots)', 'images'),
+        ('a plane, in both cameras alike', 'planes'),
+    ):
+        table.row(words, getattr(free, name))
+    found.keep()
 
 
 if __name__ == '__main__':

@@ -10,7 +10,11 @@ experiment is 300 pairs (10 s at 30 Hz) of 0.1 px of noise.
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import NamedTuple
+
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
@@ -21,6 +25,7 @@ from binopos_ros.triangulation.depth_aid import KnownPlane
 from binopos_ros.triangulation.evidence import gather_evidence
 from binopos_ros.triangulation.index import IndexEstimator
 from binopos_ros.triangulation.paper import frame_index, triangulate_paper
+from figures import Column, Figures, Table
 
 EXPERIMENTS, PAIRS, RATE = 100, 300, 30.0
 PIXEL_STD = 0.1
@@ -117,14 +122,13 @@ def estimated(
     return np.array(means), np.array(stds), observed
 
 
-def row(name: str, errors: np.ndarray, base: float, index: str = '') -> None:
+def row(
+    table: Table, name: str, errors: np.ndarray, base: float, index: str | None = None
+) -> None:
     millimetres = 1e3 * errors
     rms = np.sqrt(np.mean(np.sum(millimetres**2, axis=1)))
     axes = np.sqrt(np.mean(millimetres**2, axis=0))
-    print(
-        f'| {name} | {rms:.2f} | {axes[0]:.2f} | {axes[1]:.2f} | {axes[2]:.2f} | '
-        f'{np.abs(millimetres).max():.1f} | {100 * (rms / base - 1):+.0f} % | {index} |'
-    )
+    table.row(name, rms, *axes, np.abs(millimetres).max(), 100 * (rms / base - 1), index)
 
 
 def main() -> None:
@@ -149,17 +153,25 @@ def main() -> None:
 
     base = errors(together[0])
     size = 1e3 * np.sqrt(np.mean(np.sum(base**2, axis=1)))
-    print(f'{EXPERIMENTS} experiments of {PAIRS} pairs, {PIXEL_STD} px, errors in mm\n')
-    print('| index | 3-D RMS | x | y | z | largest | against estimated | RMS error of the index |')
-    print('|---|---|---|---|---|---|---|---|')
-    row('true mean', errors(truth), size)
-    row('estimated, kept from experiment to experiment', base, size, about(together))
-    row('estimated, anew in each experiment', errors(alone[0]), size, about(alone))
-    row('estimated anew, floor known to 1 mm', errors(held[0]), size, about(held))
-    row('middle of the prior, 1.355', errors(np.full(EXPERIMENTS, PRIOR_MEAN)), size)
-    row('1.33 assumed', errors(np.full(EXPERIMENTS, FRESH)), size)
+    print(f'{EXPERIMENTS} experiments of {PAIRS} pairs, {PIXEL_STD} px, errors in mm')
+    kept = Figures('triangulation/salt_water')
+    table = kept.table(
+        'experiments',
+        'index; errors in mm',
+        *(Column(title, '.2f') for title in ('3-D RMS', 'x', 'y', 'z')),
+        Column('largest', '.1f'),
+        Column('against estimated, %', '+.0f'),
+        Column('RMS error of the index'),
+    )
+    row(table, 'true mean', errors(truth), size)
+    row(table, 'estimated, kept from experiment to experiment', base, size, about(together))
+    row(table, 'estimated, anew in each experiment', errors(alone[0]), size, about(alone))
+    row(table, 'estimated anew, floor known to 1 mm', errors(held[0]), size, about(held))
+    row(table, 'middle of the prior, 1.355', errors(np.full(EXPERIMENTS, PRIOR_MEAN)), size)
+    row(table, '1.33 assumed', errors(np.full(EXPERIMENTS, FRESH)), size)
     by_paper = np.array([located_by_paper(experiment, FRESH) for experiment in done])
-    row("1.33 assumed, the paper's method", by_paper, size)
+    row(table, "1.33 assumed, the paper's method", by_paper, size)
+    kept.keep()
 
     single = [
         triangulate(washbowl(np.array([e.index])), e.pixels[0, :2], e.pixels[0, 2:]).points

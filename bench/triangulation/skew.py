@@ -11,11 +11,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test' / 'scenes'))
 
 import numpy as np
 
 import skewed_target
+from figures import Column, Figures
 
 SKEWS = (-0.45, -0.2, 0.2, 0.45)
 
@@ -29,18 +31,25 @@ def main() -> None:
         )
         return 1e3 * float(np.sqrt((errors**2).sum(axis=1).mean())), square
 
-    print('3-D RMS in mm, and mean normalised squared error (3 is right)\n')
-    print('| target | skew, periods | same instant | as it is | | brought along | |')
-    print('|---|---|---|---|---|---|---|')
+    found = Figures('triangulation/skew')
+    table = found.table(
+        'targets',
+        'target',
+        Column('skew, periods', '.2g'),
+        Column('same instant', '.2f'),
+        Column('as it is', '.2f'),
+        Column('NSE', '.0f'),
+        Column('brought along', '.2f'),
+        Column('NSE', '.2f'),
+    )
     for name in skewed_target.PATHS:
         together, _ = rms_and_square(name, 0.0, False)
         for skew in SKEWS:
             before, square = rms_and_square(name, skew, True)
             after, honest = rms_and_square(name, skew, False)
-            print(
-                f'| {name.replace("_", " ")} | {skew} | {together:.2f} | {before:.2f} '
-                f'| {square:.0f} | {after:.2f} | {honest:.2f} |'
-            )
+            cells = skew, together, before, square, after, honest
+            table.row(name.replace('_', ' '), *cells)
+    found.keep()
 
 
 if __name__ == '__main__':
