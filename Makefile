@@ -25,6 +25,7 @@ check: $(VENV)/ready
 # Figures of speed and accuracy, each beside a peer in the same run; half an hour.
 bench: $(VENV)/ready
 	$(BIN)/pip install --quiet -r requirements-bench.txt
+	$(BIN)/pip install --quiet --no-deps aquacal==2.1.0
 	for name in optics/speed triangulation/index detection/speed smoothing/speed bag/libraries \
 		simulation/rendering platform/speed platform/target calibration/peers calibration/lenses \
 		calibration/doubled pipeline live view; do \

@@ -24,13 +24,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 #: Of the JSON: a page made from another one is refused.
 FORM = 1
 RESULTS = Path(__file__).resolve().parent / 'results'
-PEOPLE_RUN_ON = ('numpy', 'opencv-python-headless')
-
 Cell = float | str | None | Sequence[float]
 Setting = float | str | None
 
@@ -81,7 +80,7 @@ class Figures:
         self.conditions = {
             'commit': commit(),
             'machine': machine(),
-            'versions': versions((*PEOPLE_RUN_ON, *peers)),
+            'versions': versions(peers),
         }
 
     def table(self, key: str, heading: str, *columns: Column) -> Table:
@@ -191,8 +190,12 @@ def machine() -> dict[str, Any]:
 
 
 def versions(names: Sequence[str]) -> dict[str, str]:
-    """Return the versions of Python and of distributions, '-' for one that is not installed."""
-    found = {'python': platform.python_version()}
+    """Return the versions of what all run on and of peers, '-' for one that is not installed."""
+    found = {
+        'Python': platform.python_version(),
+        'numpy': np.__version__,
+        'OpenCV': cv2.__version__,
+    }
     for name in names:
         try:
             found[name] = version(name)

@@ -52,9 +52,15 @@ class Tracked:
 class Tracker:
     """Triangulates and smooths pairs of centres: the same objects that the nodes run.
 
+    >>> from binopos_ros.optics import FlatInterface, PinholeCamera, StereoRig
+    >>> camera = PinholeCamera([[900, 0, 640], [0, 900, 480], [0, 0, 1]], (), (1280, 960))
+    >>> water = FlatInterface((0, 0, 1), 0.8, (1.0, 1.333))
+    >>> rig = StereoRig(camera, camera, np.eye(3), (-0.23, 0, 0), water)
     >>> tracker = Tracker(rig)
-    >>> tracked = tracker.step(stamp, left_px, right_px, left_cov, right_cov)
-    >>> tracked.position, tracked.pose.position
+    >>> left_px, right_px = rig.project((0.1, 0.0, 1.2))
+    >>> tracked = tracker.step(0.0, left_px, right_px, 0.01 * np.eye(2), 0.01 * np.eye(2))
+    >>> print(tracked.position.round(3), tracked.pose.position.round(3))
+    [0.1 0.  1.2] [0.1 0.  1.2]
 
     Args:
         rig: cameras and surfaces.

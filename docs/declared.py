@@ -7,8 +7,9 @@ import importlib
 import inspect
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from binopos_ros.cli import VERBS
@@ -25,6 +26,7 @@ MODULES = (
     'binopos_ros.triangulation',
     'binopos_ros.platform',
     'binopos_ros.smoothing',
+    'binopos_ros.calibration',
     'binopos_ros.bag',
     'binopos_ros.simulation',
     'binopos_ros.evaluation',
@@ -38,7 +40,7 @@ SITE = {
     'SECURITY.md': 'policy.md',
     'CHANGELOG.rst': '../changes.md',
 }
-SECTION = re.compile(r'^(Args|Attributes|Raises|Returns|Yields):$')
+SECTION = re.compile(r'^(Args|Attributes|Examples|Raises|Returns|Yields):$')
 ENTRY = re.compile(r'^(\*{0,2}[\w., `*]+):\s+(.*)$')
 
 
@@ -144,9 +146,14 @@ def api() -> Iterator[str]:
         module = importlib.import_module(module_name)
         yield f'\n## {module_name}\n'
         yield from _described(inspect.getdoc(module) or '')
-        names = getattr(module, '__all__', ('Tracker',))
-        for name in names:
+        for name in public_names(module):
             yield from _member(module_name, name, getattr(module, name))
+
+
+def public_names(module: ModuleType) -> Sequence[str]:
+    """The names of a room's face; some are imported only when they are asked for."""
+    names: Sequence[str] | None = getattr(module, '__all__', None)
+    return names or tuple(getattr(module, 'FACE', ('Tracker',)))
 
 
 def _member(module_name: str, name: str, value: Any) -> Iterator[str]:
@@ -181,7 +188,15 @@ def _described(docstring: str) -> Iterator[str]:
     """A docstring as Markdown: sections become lists, whichever of two styles they are in."""
     inside = underlined = False
     lines = docstring.splitlines()
+    example = False
     for line, following in zip(lines, [*lines[1:], ''], strict=True):
+        if line.strip().startswith('>>>') and not example:
+            example = True
+            yield '\n```pycon'
+        if example:
+            example = bool(line.strip())
+            yield line.strip() if example else '```\n'
+            continue
         if following and set(following) == {'-'}:
             inside = underlined = True
             yield f'\n*{line.strip()}:*\n'
@@ -199,7 +214,7 @@ def _described(docstring: str) -> Iterator[str]:
             yield f'  {_cell(line.strip())}'
         else:
             yield _cell(line.replace('``', '`'))
-    yield ''
+    yield '```\n' if example else ''
 
 
 def _indent(line: str) -> int:

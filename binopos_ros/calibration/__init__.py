@@ -4,6 +4,11 @@ Three steps: `cameras` (`calibrate_stereo` takes what both cameras see of a boar
 `interface` (`calibrate_interface` what they see through the surface or the ports), `check` (what
 they see every day). They share what is seen (`views`), the `adjustment` and what is left behind
 (`report`); `live` takes views from cameras that run.
+
+>>> from binopos_ros.calibration import Board
+>>> board = Board('chessboard', 9, 6, 0.025)
+>>> print(board.points.shape, board.points.max(axis=0))
+(54, 3) [0.2   0.125 0.   ]
 """
 
 from __future__ import annotations

@@ -21,9 +21,12 @@ from typing import NamedTuple
 from binopos_ros.cli import USAGE_ERROR
 from binopos_ros.cli.outputs import OutputError
 from binopos_ros.cli.progress import progress
+from binopos_ros.cli.terminal import fitted
 from binopos_ros.report import Report
 
 BAG_SUFFIXES = ('.mcap', '.bag', '.db3')
+#: Columns that a path may take, so that its counts stand beside it on 80.
+LONGEST_PATH = 48
 
 #: Does the work of one bag; a function of a module, as it runs in another process.
 Work = Callable[[argparse.Namespace], Report]
@@ -82,13 +85,16 @@ def process_all(work: Work, arguments: argparse.Namespace) -> int:
             outcomes[k] = outcome
             tick()
     ordered = [outcomes[k] for k in range(len(alone))]
-    print(summary([each.bag for each in alone], ordered))
+    print(fitted(summary([each.bag for each in alone], ordered)))
     return max(each.status for each in ordered)
 
 
 def summary(bags: Sequence[Path], outcomes: Sequence[Outcome]) -> str:
-    """A line for each bag, and what they come to together."""
-    width = max(len(str(bag)) for bag in bags)
+    """A line for each bag, and what they come to together.
+
+    Paths that are too long for a column leave the rest of their line to stand beside them.
+    """
+    width = min(max(len(str(bag)) for bag in bags), LONGEST_PATH)
     rows = [
         f'  {bag!s:<{width}}  {each.fault or f"{each.poses} poses of {each.pairs} pairs"}'
         for bag, each in zip(bags, outcomes, strict=True)

@@ -1,4 +1,17 @@
-"""Cameras, flat interfaces, domes and stereo rigs: points to pixels along bent rays, and back."""
+"""Cameras, flat interfaces, domes and stereo rigs: points to pixels along bent rays, and back.
+
+>>> import numpy as np
+>>> camera = PinholeCamera([[900, 0, 640], [0, 900, 480], [0, 0, 1]], (), (1280, 960))
+>>> rig = StereoRig(camera, camera, np.eye(3), (-0.23, 0, 0))
+>>> wet = StereoRig(
+...     camera, camera, np.eye(3), (-0.23, 0, 0), FlatInterface((0, 0, 1), 0.8, (1.0, 1.333))
+... )
+>>> for each in (rig, wet):
+...     left, right = each.project((0.1, 0.0, 1.2))
+...     print(left.round(1), right.round(1))
+[715. 480.] [542.5 480. ]
+[721.9 480. ] [533.6 480. ]
+"""
 
 from binopos_ros.optics.camera import PinholeCamera
 from binopos_ros.optics.camera_info import (

@@ -32,6 +32,14 @@ class PinholeCamera:
     Raises:
         OpticsError: the camera is uncalibrated (K all zero) or one of the three is impossible.
 
+    Examples:
+        >>> camera = PinholeCamera([[900, 0, 640], [0, 900, 480], [0, 0, 1]], (), (1280, 960))
+        >>> camera
+        PinholeCamera(f=(900, 900) px, centre=(640, 480) px, brown lens of 0 terms, 1280x960)
+        >>> print(camera.project([[0.1, 0.0, 1.0], [0.0, 0.2, 2.0]]))
+        [[730. 480.]
+         [640. 570.]]
+
     """
 
     def __init__(

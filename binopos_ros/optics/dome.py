@@ -40,6 +40,11 @@ class DomePort(Interface):
     Raises:
         OpticsError: such a dome cannot exist, or does not hold the camera.
 
+    Examples:
+        >>> DomePort((0, 0, 0.002), radius=0.05, thickness=0.005, indices=(1.0, 1.49, 1.333))
+        DomePort(centre=(0, 0, 0.002) m, radius=0.05 m, thickness=0.005 m, \
+indices=(1.0, 1.49, 1.333))
+
     """
 
     def __init__(

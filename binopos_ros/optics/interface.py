@@ -119,6 +119,12 @@ class FlatInterface(Interface):
     Raises:
         OpticsError: such an interface cannot exist, or lies behind the camera.
 
+    Examples:
+        A tank's wall of 6 mm, half a metre ahead:
+
+        >>> FlatInterface((0, 0, 2), 0.5, (1.0, 1.46, 1.333), (0.006,)).parameter_names
+        ('normal.0', 'normal.1', 'distance', 'thicknesses.0', 'indices.0', 'indices.1')
+
     """
 
     def __init__(

@@ -1,8 +1,16 @@
 """Where the rig is in a fixed frame: transforms and odometry, interpolated, with covariance.
 
->>> platform = Platform(FixedFrameOptions('odom', PlatformOptions(source='odometry')))
->>> platform.odometry.add(stamp, 'odom', 'base_link', position, quaternion, covariance)
->>> platform.rig_pose(stamp, 'left_camera_optical_frame').carry(point, covariance)
+>>> import numpy as np
+>>> mounting = (0.3, 0.0, 0.1, -0.5, 0.5, -0.5, 0.5)
+>>> options = PlatformOptions(source='odometry', mounting=mounting)
+>>> platform = Platform(FixedFrameOptions('odom', options))
+>>> for stamp in (0, 20_000_000):
+...     refused = platform.odometry.add(
+...         stamp, 'odom', 'base_link', (1.0, 2.0, -3.0), (0, 0, 0, 1), 1e-6 * np.eye(6)
+...     )
+>>> rig = platform.rig_pose(10_000_000, 'left_camera_optical_frame')
+>>> print(rig.carry(np.array([0.0, 0.0, 1.5]), 1e-6 * np.eye(3)).point.round(3))
+[ 2.8  2.  -2.9]
 """
 
 from binopos_ros.platform.errors import PlatformError

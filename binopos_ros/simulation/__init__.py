@@ -1,6 +1,11 @@
 """Scenes with known truth, rendered by tracing light backwards.
 
 Nothing here uses the projection of `optics`: the pictures test it.
+
+>>> scene = washbowl(Choices(seed=3, path='still'))
+>>> left, right = scene.measurements(scene.times(2))
+>>> print(left.shape, bool((left[0] == left[1]).all()))
+(2, 2) True
 """
 
 from binopos_ros.simulation.errors import SimulationError

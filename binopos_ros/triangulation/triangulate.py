@@ -54,6 +54,21 @@ def triangulate(
     Raises:
         TriangulationError: an unknown method, or shapes that do not fit.
 
+    Examples:
+        >>> from binopos_ros.optics import FlatInterface, PinholeCamera
+        >>> camera = PinholeCamera([[900, 0, 640], [0, 900, 480], [0, 0, 1]], (), (1280, 960))
+        >>> water = FlatInterface((0, 0, 1), 0.8, (1.0, 1.333))
+        >>> rig = StereoRig(camera, camera, np.eye(3), (-0.23, 0, 0), water)
+        >>> left, right = rig.project([[0.1, 0.0, 1.2], [0.0, 0.1, 1.3]])
+        >>> found = triangulate(rig, left, right, 0.01 * np.eye(2), 0.01 * np.eye(2))
+        >>> print(found.points.round(3))
+        [[0.1 0.  1.2]
+         [0.  0.1 1.3]]
+        >>> print(1e3 * np.sqrt(np.diag(found.covariances[0])).round(4))  # mm
+        [0.1 0.1 1.1]
+        >>> print(triangulate(rig, left[0], right[0], method='straight').points.round(2))
+        [0.1 0.  1.1]
+
     """
     left, right = _pixels(left_px, 'left_px'), _pixels(right_px, 'right_px')
     if left.shape != right.shape:

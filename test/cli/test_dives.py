@@ -6,11 +6,14 @@ import argparse
 import functools
 import operator
 import os
+import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from binopos_ros.cli.dives import process_all
+from binopos_ros.cli.dives import Outcome, process_all, summary
+from binopos_ros.cli.terminal import fitted
 from verbs import binopos, simulated
 
 
@@ -75,3 +78,14 @@ def test_a_process_that_ends_costs_only_its_bag(capsys, tmp_path):
     arguments.end = functools.partial(os._exit, 9)
     assert process_all(operator.methodcaller('end'), arguments) == 2
     assert capsys.readouterr().out.count('its process ended with status 9') == 2
+
+
+def test_the_summary_fits_a_terminal_of_80_columns(monkeypatch):
+    monkeypatch.setattr(sys.stdout, 'isatty', lambda: True, raising=False)
+    monkeypatch.setenv('COLUMNS', '80')
+    bags = [Path('dives', 'a' * 60), Path('dives', 'short')]
+    drops = Counter({'the rays miss each other by more than their noise can tell': 12})
+    outcomes = [Outcome.failed('no bag, ' + 'and a word more ' * 8), Outcome(300, 288, drops)]
+    lines = fitted(summary(bags, outcomes)).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert any(line.split()[-5:] == ['288', 'poses', 'of', '300', 'pairs'] for line in lines)
