@@ -228,13 +228,3 @@ def rms(errors: NDArray[np.float64]) -> float:
 def _rms_text(errors: NDArray[np.float64]) -> str:
     x, y, z = np.sqrt((errors**2).mean(axis=0)) * MILLI
     return f'{rms(errors) * MILLI:.3f} mm (x {x:.3f}, y {y:.3f}, z {z:.3f})'
-
-
-def pose_text(stamp: int, position: NDArray[np.float64], covariance: NDArray[np.float64]) -> str:
-    """A pose as one short line: seconds, metres, and the standard deviations in millimetres."""
-    x, y, z = position
-    sx, sy, sz = np.sqrt(np.diag(covariance)) * MILLI
-    return (
-        f'{stamp * 1e-9:14.3f} s   x {x:+8.4f}  y {y:+8.4f}  z {z:+8.4f} m   '
-        f'\u00b1 {sx:.2f} {sy:.2f} {sz:.2f} mm'
-    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import rclpy
 from rclpy.executors import Executor
@@ -23,6 +23,7 @@ from binopos_ros.nodes.monitor import Monitor
 from binopos_ros.nodes.player import offer_controls
 from binopos_ros.nodes.playing import Latched, Player
 from binopos_ros.nodes.running import overrides, stop_on_signals
+from binopos_ros.nodes.status import Status
 from binopos_ros.optics import CameraInfo
 from binopos_ros.reasons import count_reason
 from binopos_ros.report import Report
@@ -106,21 +107,25 @@ class Replay:
         player = Player(node, self._bag, self._options, self._latched, self._on_published)
         offer_controls(node, player)
         monitor = Monitor(self._namespace, self._report, player.wall_time_of)
+        status = Status(self._namespace)
         executor: Executor = EventsExecutor()
-        for each in (node, monitor):
+        for each in (node, monitor, status):
             executor.add_node(each)
         line = StatusLine()
+        supervisor.report = line.report
         try:
             problem = self._wait_for_nodes(executor, monitor, supervisor)
             if not problem and not self.interrupted:
                 player.start()
-                problem = self._watch(executor, monitor, player, supervisor, line)
+                problem = self._watch(
+                    executor, monitor, player, supervisor, lambda: line.show(status.look())
+                )
         finally:
             line.end()
             player.stop()
             executor.shutdown()
-            monitor.destroy_node()
-            node.destroy_node()
+            for each in (status, monitor, node):
+                each.destroy_node()
         self._report.fates.end()
         monitor.account(
             at_stamps=not self._parameters.of_node('smoother').get('output_rate'),
@@ -162,7 +167,7 @@ class Replay:
         monitor: Monitor,
         player: Player,
         supervisor: Supervisor,
-        line: StatusLine,
+        show: Callable[[], None],
     ) -> str:
         """Spin until the bag is played and all it led to has arrived; '' or what went wrong."""
         finished: float | None = None
@@ -170,9 +175,9 @@ class Replay:
             executor.spin_once(timeout_sec=0.05)
             if problem := supervisor.poll():
                 return problem
-            line.show(monitor.newest)
             now = time.monotonic()
             if not player.finished.is_set():
+                show()
                 continue
             finished = finished or now
             newest = max(finished, monitor.last_news)

@@ -30,6 +30,8 @@ examples:
   boards for calibrate stereo, and for calibrate interface:
     binopos simulate -o dry --board 9x6 --air --pairs 40 --rate 2
     binopos simulate -o wet --board 9x6 --pairs 15 --rate 2
+  a rehearsal of calibrate stereo --live, which runs beside `binopos replay`:
+    binopos simulate -o held --board 9x6 --air --rate 5 --hold 3 --pairs 300
 
 The bag's folder also holds binopos.yaml (what the cameras look through, and
 what --config and -p give), left.yaml and right.yaml (their calibration), so
@@ -155,6 +157,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'corners of a chessboard, squares of a ChArUco board, circles of a grid',
     )
     boards.add_argument(
+        '--hold',
+        type=float,
+        metavar='SECONDS',
+        help='hold the board still at each place for so long, as one does before cameras for '
+        '`binopos calibrate --live` (default: one pair)',
+    )
+    boards.add_argument(
         '--kind',
         choices=KINDS,
         default=CHESSBOARD,
@@ -237,7 +246,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.air:
         scene = in_air(scene, arguments.seed)
     if board:
-        scene = with_board(scene, board, pairs, arguments.seed)
+        scene = with_board(scene, board, pairs, arguments.seed, arguments.hold or 0.0)
     with progress('rendering', pairs) as tick:
         record(
             scene,
@@ -256,6 +265,11 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _refuse_contradictions(arguments: argparse.Namespace) -> None:
+    if arguments.hold is not None:
+        if not arguments.board:
+            raise SimulationError('--hold is of a board: give --board too')
+        if not 0.0 < arguments.hold < math.inf:
+            raise SimulationError(f'--hold {arguments.hold:g}: give seconds above 0')
     for chosen, without in (
         ('board', ('path', 'period', 'diameter', 'swing', 'motion')),
         ('air', ('waves', 'wave_peak', 'salt')),

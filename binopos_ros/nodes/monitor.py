@@ -11,13 +11,13 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from binopos_ros.bag.messages import covariance_of, position_of, stamp_of
+from binopos_ros.bag.messages import position_of, stamp_of
 from binopos_ros.node_options import STAGES
 from binopos_ros.nodes.diagnostics import PAIRS, PAIRS_USED, REACHED
 from binopos_ros.nodes.neighbours import publishers_of
 from binopos_ros.nodes.shell import every_message
 from binopos_ros.reasons import Ledger, count_reason
-from binopos_ros.report import Report, Track, pose_text
+from binopos_ros.report import Report, Track
 
 #: What must be published and subscribed to before the suite passes anything through.
 CHAIN = ('left/centroid', 'right/centroid', 'target/position')
@@ -37,7 +37,6 @@ class Monitor(Node):
         self, namespace: str, report: Report, wall_time_of: Callable[[int], float | None]
     ) -> None:
         super().__init__('monitor', namespace=namespace)
-        self.newest = ''
         self.last_news = time.monotonic()
         self.last_diagnostics: dict[str, float] = {}
         self._report = report
@@ -118,7 +117,6 @@ class Monitor(Node):
         due = self._wall_time_of(stamp)
         if due is not None:
             self._report.latencies.append(now - due)
-        self.newest = pose_text(stamp, position_of(message), covariance_of(message)[:3, :3])
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

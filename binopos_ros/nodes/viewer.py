@@ -30,7 +30,7 @@ from binopos_ros.view.options import ViewerOptions
 from binopos_ros.view.screen import TOPICS, Instant
 from binopos_ros.view.server import PageServer
 from binopos_ros.view.source import Answer, Look
-from binopos_ros.view.wire import serialized_picture
+from binopos_ros.view.wire import BOARD, serialized_picture
 
 #: Seconds between questions for the surface.
 SURFACE_PERIOD = 1.0
@@ -39,7 +39,7 @@ SURFACE_PERIOD = 1.0
 class ViewerNode(StageNode):
     """Serves the page; it hears numbers while a page is open, and pictures while one shows them.
 
-    The server has a thread, and so has each of the three that hear; all that is seen is touched in
+    The server has a thread, and so has each of the four that hear; all that is seen is touched in
     the server's alone.
     """
 
@@ -65,6 +65,7 @@ class ViewerNode(StageNode):
         self._ears = Onlooker(self, 'viewer_ears', self._hear)
         self._eyes = Onlooker(self, 'viewer_eyes', self._see)
         self._drawings = Onlooker(self, 'viewer_drawings', self._see_drawings)
+        self._boards = Onlooker(self, 'viewer_boards', self._see_boards)
         self._next_raw = dict.fromkeys(SIDES, 0.0)
         self._server = PageServer(options, self)
         self._server.start()
@@ -78,6 +79,7 @@ class ViewerNode(StageNode):
             self._ears.close()
             self._eyes.close()
             self._drawings.close()
+            self._boards.close()
             self._recordings.close()
         super().destroy_node()
 
@@ -101,6 +103,7 @@ class ViewerNode(StageNode):
         self._ears.look(look.numbers)
         self._eyes.look(look.pictures)
         self._drawings.look(look.drawings)
+        self._boards.look(look.boards)
 
     def ask(self, request: Mapping[str, Any], answer: Answer) -> None:
         """As `Source`."""
@@ -137,9 +140,14 @@ class ViewerNode(StageNode):
 
     def _see_drawings(self, node: StageNode) -> None:
         for side in SIDES:
-            take = partial(self._drawing, side)
-            topic = f'{side}/overlay/compressed'
-            node.create_subscription(CompressedImage, topic, take, sensor_data(), raw=True)
+            self._see_drawing(node, side, f'{side}/overlay/compressed')
+
+    def _see_boards(self, node: StageNode) -> None:
+        self._see_drawing(node, BOARD, 'calibration/overlay/compressed')
+
+    def _see_drawing(self, node: StageNode, kind: str, topic: str) -> None:
+        take = partial(self._drawing, kind, topic)
+        node.create_subscription(CompressedImage, topic, take, sensor_data(), raw=True)
 
     def _take(self, topic: str, message: Any) -> None:
         self._count(topic)
@@ -162,12 +170,12 @@ class ViewerNode(StageNode):
         self._stills.picture(picture)
         self._server.post(self._server.show, picture)
 
-    def _drawing(self, side: str, message: bytes) -> None:
-        self._count(f'{side}/overlay/compressed')
+    def _drawing(self, kind: str, topic: str, message: bytes) -> None:
+        self._count(topic)
         try:
-            picture = serialized_picture(side, message)._replace(drawn=True)
+            picture = serialized_picture(kind, message)._replace(drawn=True)
         except ViewError as error:
-            self._diagnostics.drop(f'{side}: {error}')
+            self._diagnostics.drop(f'{kind}: {error}')
             return
         self._server.post(self._server.show, picture)
 

@@ -42,7 +42,7 @@ class Board(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class ShownBoard:
-    """A board that is held somewhere else in every picture.
+    """A board that is held somewhere else in every picture, or in every so many.
 
     Attributes:
         board: what it is; its frame has the origin in the first point, z away from the viewer.
@@ -50,7 +50,8 @@ class ShownBoard:
         corner: (2,) board coordinates of the sheet's upper left corner, m.
         positions: (N, 3) of the board's origin, rig frame, m.
         rotations: (N, 3, 3) rig_from_board.
-        rate: boards per second.
+        rate: pictures per second.
+        stays: for how many pictures it stays at a place.
     """
 
     board: Board
@@ -59,6 +60,7 @@ class ShownBoard:
     positions: Array
     rotations: Array
     rate: float
+    stays: int = 1
 
     @property
     def texel(self) -> float:
@@ -67,7 +69,7 @@ class ShownBoard:
 
     def number(self, time: float) -> int:
         """Which of the places the board is at."""
-        return min(round(time * self.rate), len(self.positions) - 1)
+        return min(round(time * self.rate) // self.stays, len(self.positions) - 1)
 
     def poses(self, times: ArrayLike) -> tuple[Array, Array]:
         """(N,) s to (N, 3) positions of the board's origin, m, and (N, 3) normals of its face."""
@@ -96,6 +98,7 @@ def scatter(
     reach: tuple[float, float],
     rate: float,
     rng: np.random.Generator,
+    stays: int = 1,
 ) -> ShownBoard:
     """Hold a board at random places and tilts, each with all its points in both pictures.
 
@@ -107,8 +110,9 @@ def scatter(
         backdrop: what the board must not poke into.
         count: how many places.
         reach: nearest and farthest distance from the left camera along its axis, m.
-        rate: boards per second.
+        rate: pictures per second.
         rng: where places and tilts are drawn from.
+        stays: for how many pictures it stays at a place.
 
     Raises:
         SimulationError: the board does not fit into both pictures.
@@ -136,7 +140,7 @@ def scatter(
             'give a smaller board'
         )
         raise SimulationError(msg)
-    return ShownBoard(board, sheet, corner, np.array(positions), np.array(rotations), rate)
+    return ShownBoard(board, sheet, corner, np.array(positions), np.array(rotations), rate, stays)
 
 
 def _outline(sheet: NDArray[np.float32], corner: Array, texel: float) -> Array:

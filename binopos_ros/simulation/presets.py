@@ -312,8 +312,10 @@ def in_air(scene: Scene, seed: int) -> Scene:
     )
 
 
-def with_board(scene: Scene, board: Board, count: int, seed: int) -> Scene:
-    """The scene with a calibration board, at another place and tilt in each of `count` pairs.
+def with_board(scene: Scene, board: Board, count: int, seed: int, hold: float = 0.0) -> Scene:
+    """The scene with a calibration board in `count` pairs.
+
+    It is at another place and tilt in each of them, or stays at each for `hold` seconds.
 
     Raises:
         SimulationError: the board does not fit into both pictures.
@@ -324,7 +326,9 @@ def with_board(scene: Scene, board: Board, count: int, seed: int) -> Scene:
     else:
         reach = (0.4, 1.0)
     rng = np.random.default_rng([seed, BOARDS])
-    shown = scatter(board, scene.views, scene.backdrop, count, reach, scene.rate, rng)
+    held = max(round(hold * scene.rate), 1)
+    places = -(-count // held)
+    shown = scatter(board, scene.views, scene.backdrop, places, reach, scene.rate, rng, held)
     return dataclasses.replace(scene, path=shown, target=shown)
 
 

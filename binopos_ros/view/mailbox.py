@@ -6,7 +6,7 @@ import asyncio
 import time
 from collections import deque
 
-from binopos_ros.view.wire import Picture
+from binopos_ros.view.wire import BOARD, Picture
 
 #: Marks that wait for a viewer: a few pairs, as pictures are drawn with the marks of their stamp.
 MARKS = 16
@@ -42,7 +42,8 @@ class Mailbox:
 
     def put_picture(self, picture: Picture) -> None:
         """Keep a picture in the place of the one before."""
-        if not self.wants_pictures or picture.drawn != self.wants_drawn:
+        of_this_kind = picture.side == BOARD or picture.drawn == self.wants_drawn
+        if not (self.wants_pictures and of_this_kind):
             return
         self.skipped += picture.side in self._pictures
         self._pictures[picture.side] = picture

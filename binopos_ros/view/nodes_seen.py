@@ -17,7 +17,7 @@ MOST_NODES = 24
 STAGE = ': stage'
 #: Who shows the page need not stand on it.
 OWN = 'viewer'
-DROPPED = 'Dropped: '
+DROPPED, PAIR_LOST = 'Dropped: ', 'Pairs: '
 WAVES = "Waves in the rays' miss (pixel noises)"
 LEVELS = ('ok', 'warning', 'error', 'no input')
 
@@ -72,17 +72,24 @@ class NodesSeen:
 
     def drops(self) -> list[dict[str, Any]]:
         """What gave no result, by node and reason, the most frequent first."""
-        found = [
-            {'node': name, 'reason': shown(key.removeprefix(DROPPED)), 'count': _whole(value)}
-            for name, node in self._nodes.items()
-            for key, value in node.values.items()
-            if key.startswith(DROPPED)
-        ]
+        found = self._counts(DROPPED)
         found += [
             {'node': reason.partition(': ')[0], 'reason': reason.partition(': ')[2], 'count': n}
             for reason, n in self._own.items()
         ]
         return sorted(found, key=lambda each: -each['count'])
+
+    def pairs_lost(self) -> list[dict[str, Any]]:
+        """Pairs that gave no pose, each once, as `drops` tells them."""
+        return sorted(self._counts(PAIR_LOST), key=lambda each: -each['count'])
+
+    def _counts(self, kind: str) -> list[dict[str, Any]]:
+        return [
+            {'node': name, 'reason': shown(key.removeprefix(kind)), 'count': _whole(value)}
+            for name, node in self._nodes.items()
+            for key, value in node.values.items()
+            if key.startswith(kind)
+        ]
 
     def refused(self, side: str) -> str:
         """Why the best candidate in a picture was refused; '' where there was none."""

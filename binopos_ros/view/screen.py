@@ -20,6 +20,7 @@ from binopos_ros.view.pace import Pace
 from binopos_ros.view.remedies import SWITCHED_OFF, remedy_for
 from binopos_ros.view.ring import Ring
 from binopos_ros.view.timeline import Timeline
+from binopos_ros.view.wire import KINDS
 
 POSE = 'geometry_msgs/msg/PoseWithCovarianceStamped'
 DIAGNOSTICS = '/diagnostics'
@@ -81,7 +82,7 @@ class Screen:
         self._nodes = NodesSeen(self.timeline)
         self._on_mark = on_mark
         self._pace = Pace()
-        self._pictures = {side: Pace() for side in SIDES}
+        self._pictures = {kind: Pace() for kind in KINDS}
         self._pose: _Pose | None = None
         self._distance = (-math.inf, math.nan)
         self._speed = (-math.inf, math.nan, math.nan)
@@ -110,9 +111,9 @@ class Screen:
         else:
             self._takers[topic](instant, message)
 
-    def picture(self, side: str, now: float) -> None:
-        """A picture came."""
-        self._pictures[side].add(now)
+    def picture(self, kind: str, now: float) -> None:
+        """A picture of one of `wire.KINDS` came."""
+        self._pictures[kind].add(now)
 
     def numbers(self, instant: Instant) -> dict[str, Any]:
         """All figures at an instant: lengths in m, times in s, rates in Hz; nan for not known."""
@@ -135,12 +136,13 @@ class Screen:
             'health': {'word': word, 'reason': reason, 'remedy': self._remedy(word, reason)},
             'rate': self._pace.rate(now),
             'latency': {'median': median, 'p99': p99},
-            'pictures': {side: pace.rate(now) for side, pace in self._pictures.items()},
+            'pictures': {kind: pace.rate(now) for kind, pace in self._pictures.items()},
             'refused': {side: self._nodes.refused(side) for side in SIDES},
             'epoch': self.epoch,
             'index': self._index_told(),
             'waves': self._nodes.waves,
             'drops': self._nodes.drops(),
+            'lost': self._nodes.pairs_lost(),
             'nodes': self._nodes.told(now),
             'recorder': self._nodes.recorder(now),
             'cameras': self._cameras,

@@ -333,6 +333,7 @@ class PageServer:
             numbers=self._clients > 0 or scraped,
             pictures=any(each.wants_pictures and not each.wants_drawn for each in looking),
             drawings=any(each.wants_pictures and each.wants_drawn for each in looking),
+            boards=any(each.wants_pictures for each in looking),
         )
         if look != self._look:
             self._look = look

@@ -17,6 +17,7 @@ class Look(NamedTuple):
     numbers: bool = False
     pictures: bool = False  #: as the cameras made them
     drawings: bool = False  #: with what the detector draws over them
+    boards: bool = False  #: of a calibrator
 
 
 class Source(Protocol):

@@ -3,7 +3,7 @@
 A picture's frame is a header of sixteen bytes and the JPEG as the camera made it:
 
     bytes 0-3    'BPV1'
-    byte  4      0 left, 1 right
+    byte  4      0 left, 1 right, 2 what `calibrate --live` sees of its board in both
     byte  5      0 as the camera made it, 1 with what the detector has drawn over it
     bytes 6-7    0
     bytes 8-15   stamp, ns, unsigned, big-endian
@@ -22,6 +22,9 @@ from typing import Any, NamedTuple
 from binopos_ros.sides import SIDES
 from binopos_ros.view.errors import ViewError
 
+#: The pictures of the calibrator: both cameras', with what it finds and asks for.
+BOARD = 'board'
+KINDS = (*SIDES, BOARD)
 MAGIC = b'BPV1'
 HEADER = struct.Struct('>4sBBHQ')
 #: Bytes; the longest text that a viewer has reason to send has about fifty.
@@ -33,7 +36,7 @@ _CDR = 4
 class Picture(NamedTuple):
     """A JPEG on its way to the viewers."""
 
-    side: str
+    side: str  #: or `BOARD`
     stamp: int  #: ns
     jpeg: bytes | memoryview
     drawn: bool = False  #: whether the detector has drawn over it what it sees
@@ -41,7 +44,7 @@ class Picture(NamedTuple):
 
 def picture_frame(picture: Picture) -> bytes:
     """A picture as a binary frame."""
-    head = HEADER.pack(MAGIC, SIDES.index(picture.side), picture.drawn, 0, picture.stamp)
+    head = HEADER.pack(MAGIC, KINDS.index(picture.side), picture.drawn, 0, picture.stamp)
     return b''.join((head, picture.jpeg))
 
 
@@ -51,11 +54,11 @@ def read_picture_frame(frame: bytes) -> Picture:
     Raises:
         ViewError: it is none.
     """
-    if len(frame) < HEADER.size or frame[:4] != MAGIC or frame[4] >= len(SIDES):
+    if len(frame) < HEADER.size or frame[:4] != MAGIC or frame[4] >= len(KINDS):
         msg = f'binary frame of {len(frame)} bytes holds no picture'
         raise ViewError(msg)
     _, side, drawn, _, stamp = HEADER.unpack_from(frame)
-    return Picture(SIDES[side], stamp, memoryview(frame)[HEADER.size :], bool(drawn))
+    return Picture(KINDS[side], stamp, memoryview(frame)[HEADER.size :], bool(drawn))
 
 
 def serialized_picture(side: str, data: bytes) -> Picture:

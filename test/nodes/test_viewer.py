@@ -153,6 +153,14 @@ def test_viewers_get_what_is_published_while_they_look(start, peer, tmp_path):
         peer.wait_for(drawing_came, 'the overlay')
         browser.send(type='watch', pictures=True)
         peer.wait_for(pictures.get_subscription_count, 'a subscription to the picture again')
+        # What `calibrate --live` sees is shown beside them.
+        boards = peer.publisher(CompressedImage, 'calibration/overlay/compressed')
+
+        def board_came():
+            boards.publish(drawing)
+            return browser.pictures.get('board', (0, b''))[1] == bytes(drawing.data)
+
+        peer.wait_for(board_came, "the calibrator's overlay")
         # A still pair: both pictures of one instant, as they came.
         grey.header.stamp = picture.header.stamp
         pictures.publish(picture)

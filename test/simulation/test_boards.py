@@ -135,3 +135,11 @@ def test_every_board_is_whole_in_both_pictures_and_elsewhere_each_time() -> None
 def test_a_board_too_large_for_the_bowl_is_refused() -> None:
     with pytest.raises(SimulationError, match='give a smaller board'):
         with_board(PRESETS['demo'].make(Choices()), Board('chessboard', 9, 6, 0.1), 1, 0)
+
+
+def test_a_board_that_is_held_stays_for_as_long_as_was_said() -> None:
+    scene = in_air(PRESETS['demo'].make(Choices(rate=5.0)), 0)
+    held = with_board(scene, CHESSBOARD, 32, 4, hold=2.0)
+    positions = held.target.poses(held.times(32))[0]
+    moved = np.flatnonzero(np.abs(np.diff(positions, axis=0)).max(axis=1) > 0) + 1
+    assert list(moved) == [10, 20, 30]

@@ -142,6 +142,18 @@ def test_a_wrong_token_is_told(browser):
         served.server.close()
 
 
+def test_what_the_calibrator_sees_is_there_while_it_works(browser, served):
+    board = "document.querySelector('[data-side=board]')"
+    show_all(served, STAMP)
+    browser.wait_for('binopos.eyes.left.shown')
+    assert browser.run(f'{board}.hidden')
+    served.show('board', STAMP, jpeg())
+    served.show('board', STAMP + 1, jpeg())
+    browser.wait_for('binopos.eyes.board.shown')
+    browser.wait_for(f'!{board}.hidden')
+    assert browser.run(OVERLAPS) == []
+
+
 def test_keys_work_and_pictures_that_are_hidden_are_not_sent(browser, served):
     browser.press('t')
     assert browser.run('document.documentElement.dataset.theme') == 'dark'

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 from binopos_ros.view.metrics import feed, metrics_of, prometheus
 from binopos_ros.view.screen import CURVE_LENGTH, Instant, Screen
+from binopos_ros.view.status import status_text
 from page_server import Message, diagnostics, header, health, pose
 
 WALL = 1.7e9
@@ -201,3 +203,30 @@ def test_an_old_position_is_no_metric_of_now():
     numbers = screen.numbers(at(end + 2.0))
     assert 'binopos_position_x_metres NaN' in prometheus(metrics_of(numbers))
     assert not [line for line in feed(numbers) if 'position' in line]
+
+
+def test_one_line_tells_health_rate_age_position_deviation_and_drops():
+    screen = Screen()
+    assert status_text(screen.numbers(at(0.0))) == 'nothing heard of the nodes yet'
+    end = track(screen, 300)
+    screen.take('target/health', health('tracking'), at(end))
+    counts = {'Pairs': '307', 'Pairs: left: nothing red': '5', 'Pairs: overtaken': '2'}
+    # Both pictures of each pair are counted, but the pair is lost once.
+    counts['Dropped: left: nothing red'] = '10'
+    screen.take('/diagnostics', diagnostics('detector', 0, '', **counts), at(end))
+    told = status_text(screen.numbers(at(end + 0.1)))
+    assert re.fullmatch(
+        r'tracking  (29|30)/s  0\.1 s old  0\.1000 0\.2000 1\.0000 m ±1\.0 2\.0 3\.0 mm  '
+        r'7 dropped, most: left: nothing red',
+        told,
+    ), told
+
+
+def test_a_line_shows_no_position_of_some_time_ago():
+    screen = Screen()
+    end = track(screen, 30)
+    screen.take('target/health', health('lost', 'no position was used for 2 s'), at(end + 2.0))
+    told = status_text(screen.numbers(at(end + 2.0)))
+    assert told.startswith('lost: no position was used for 2 s  ')
+    assert '2.0 s old' in told
+    assert ' m ' not in told

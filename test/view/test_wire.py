@@ -52,7 +52,7 @@ def test_a_frame_is_read_as_it_was_written():
     assert (picture.side, picture.stamp, bytes(picture.jpeg)) == ('right', STAMP, JPEG)
     drawn = read_picture_frame(picture_frame(Picture('left', 1, JPEG, drawn=True)))
     assert (drawn.side, drawn.drawn, picture.drawn) == ('left', True, False)
-    for nonsense in (b'', b'BPV1', b'x' * 40, b'BPV1\x02' + bytes(20)):
+    for nonsense in (b'', b'BPV1', b'x' * 40, b'BPV1\x03' + bytes(20)):
         with pytest.raises(ViewError):
             read_picture_frame(nonsense)
 

@@ -3,6 +3,7 @@
 export const STALE_MS = 1000;
 const PAUSES_MS = [300, 700, 1500, 3000];
 const PICTURE_HEADER = 16;
+const KINDS = ['left', 'right', 'board'];
 
 export class Link {
   // take(text object), show({side, stamp, jpeg}), tell(word, isCut)
@@ -34,7 +35,7 @@ export class Link {
       return;
     }
     const head = new DataView(data, 0, PICTURE_HEADER);
-    const side = head.getUint8(4) ? 'right' : 'left';
+    const side = KINDS[head.getUint8(4)];
     const stamp = head.getBigUint64(8).toString();
     const drawn = head.getUint8(5) === 1;
     this.show({side, stamp, drawn, jpeg: new Blob([new Uint8Array(data, PICTURE_HEADER)], {type: 'image/jpeg'})});

@@ -79,7 +79,9 @@ function show() {
   showNumbers(find('numbers'), state, age, link.isCut || (!isPaused && (age === null || age * 1000 > STALE_MS)));
   for (const [side, eye] of Object.entries(eyes)) {
     if (isPaused) eye.shownAt = now;
-    eye.tell(state.pictures[side], state.refused[side], link.isCut);
+    // Only while binopos calibrate --live runs.
+    if (side === 'board') eye.figure.hidden = !state.pictures.board;
+    if (!eye.figure.hidden) eye.tell(state.pictures[side], state.refused[side], link.isCut);
   }
   showRecorder(state.recorder);
   if (state.player) showPlayer(state.player);

@@ -102,7 +102,7 @@ export class Eye {
     } else {
       const {mark} = this.shown;
       const [a, , c] = mark ? mark.covariance : [];
-      const found = mark
+      const found = side === 'board' ? 'what binopos calibrate finds, and where to hold the board next' : mark
         ? `target ${mark.diameter.toFixed(1)} px wide, centre ± ${Math.sqrt(Math.max(a, c)).toFixed(3)} px `
           + `(95 % ellipse drawn ${MAGNIFIED} × larger)`
         : `no target${refusal ? `: ${refusal}` : ''}`;
