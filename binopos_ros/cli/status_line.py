@@ -13,15 +13,12 @@ CUT = '\u2026'
 
 
 class StatusLine:
-    """Shows the newest text on stdout, at a pace that a person can read.
-
-    What takes less than ten seconds says nothing in a pipe.
-    """
+    """Shows the newest text on stdout, at a pace that a person can read."""
 
     def __init__(self) -> None:
         self._is_terminal = sys.stdout.isatty()
         self._period = TERMINAL_PERIOD if self._is_terminal else PLAIN_PERIOD
-        self._next = 0.0 if self._is_terminal else time.monotonic() + PLAIN_PERIOD
+        self._next = 0.0
         self._shown = ''
 
     def show(self, text: str) -> None:

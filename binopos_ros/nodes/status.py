@@ -27,13 +27,16 @@ from binopos_ros.view.status import status_text
 HEARD = ('target/pose', 'target/health', DIAGNOSTICS)
 #: s between two texts, as a person reads them.
 PERIOD = 0.25
+#: s for the first pose to come, before it is told that none has.
+START = 10.0
 
 
 class Status(Node):
     """Hears the suite and tells it in one line; nothing else, not even parameters.
 
     Attributes:
-        text: the line, as of `PERIOD` ago at the most while the node is spun.
+        text: the line, as of `PERIOD` ago at the most while the node is spun; '' until the first
+            pose has come, or is overdue.
     """
 
     def __init__(self, namespace: str, context: Context | None = None) -> None:
@@ -53,13 +56,18 @@ class Status(Node):
                 message_class, topic, partial(self._take, topic), sensor_data()
             )
         self._due = 0.0
+        self._until: float | None = None
 
     def look(self) -> str:
         """The line as it is now; for the thread that spins the node."""
         instant = _now()
+        if self._until is None:
+            self._until = instant.now + START
         if instant.now >= self._due:
             self._due = instant.now + PERIOD
-            self.text = status_text(self._screen.numbers(instant))
+            numbers = self._screen.numbers(instant)
+            if numbers['pose'] or instant.now > self._until:
+                self.text = status_text(numbers)
         return self.text
 
     def _take(self, topic: str, message: Any) -> None:

@@ -83,4 +83,4 @@ def test_in_a_pipe_it_is_a_line_per_ten_seconds(monkeypatch, clock):
         line.show('tracking')
         clock[0] += 0.1
     line.end()
-    assert out.getvalue() == 'tracking\n' * 3
+    assert out.getvalue() == 'tracking\n' * 4
