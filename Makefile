@@ -1,12 +1,14 @@
 # `make demo` shows the suite at work, `make test` checks it. Both set themselves up in .venv/.
 PYTHON ?= python3
 VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')
-VENV ?= .venv/py$(VERSION)
+# Which ROS of the Python registry: jazzy or kilted, each in an environment of its own.
+ROS ?= jazzy
+VENV ?= .venv/$(if $(filter-out jazzy,$(ROS)),$(ROS)-)py$(VERSION)
 BIN := $(VENV)/bin
 JOBS ?= 2
 DEMO_BAG ?= bags/demo
 
-.PHONY: docs demo test check bench lab soak clean
+.PHONY: docs docs-commands clean-install demo test check bench lab soak clean
 
 demo: $(VENV)/run
 	$(BIN)/binopos replay $(DEMO_BAG)
@@ -30,6 +32,7 @@ bench: $(VENV)/ready
 		simulation/rendering platform/speed platform/target calibration/peers calibration/lenses \
 		calibration/doubled pipeline live view; do \
 		echo "== bench/$$name.py"; $(BIN)/python bench/$$name.py || exit 1; done
+	$(BIN)/python bench/pages.py
 
 # The part of `make test` on real camera drivers, in a virtual machine; it installs QEMU.
 lab: $(VENV)/ready
@@ -41,10 +44,10 @@ soak: $(VENV)/ready
 	PYTHON=$(BIN)/python test/camera_lab/soak
 
 # What the suite runs on: ROS, numpy, OpenCV and the readers of bags.
-$(VENV)/run: requirements.txt setup.py
+$(VENV)/run: requirements.txt requirements-$(ROS).txt setup.py
 	@echo "setting up $(VENV): a minute, most of it ROS and OpenCV"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet -r requirements.txt
+	$(BIN)/pip install --quiet -r requirements.txt -r requirements-$(ROS).txt
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	$(BIN)/python -m compileall -q binopos_ros
 	touch $@
@@ -58,6 +61,14 @@ $(VENV)/ready: $(VENV)/run requirements-test.txt
 docs: $(VENV)/docs
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
 	@echo build/docs/index.html
+
+# What the documents show, run as it stands there; minutes.
+docs-commands: $(VENV)/run
+	$(BIN)/python docs/commands.py
+
+# The wheel in an environment of its own, elsewhere; minutes.
+clean-install: $(VENV)/ready
+	$(BIN)/python test/clean_install.py
 
 $(VENV)/docs: $(VENV)/ready requirements-docs.txt
 	$(BIN)/pip install --quiet -r requirements-docs.txt

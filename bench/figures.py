@@ -8,7 +8,7 @@ A bench says once what its tables hold, adds rows, and keeps them when it has ru
     found.keep()
 
 A cell is a number, a word, None where there is nothing to say, or a list of samples: of these the
-median, the quartiles, the least and the number are kept. `python bench/pages.py` puts the tables
+median, the quartiles, the range and the number are kept. `python bench/pages.py` puts the tables
 into the documents.
 """
 
@@ -114,7 +114,7 @@ def summary(cell: Cell) -> Any:
     return {
         'median': rounded(median),
         'quartiles': [rounded(low), rounded(high)],
-        'least': rounded(samples.min()),
+        'range': [rounded(samples.min()), rounded(samples.max())],
         'samples': samples.size,
     }
 
