@@ -54,14 +54,20 @@ class Table:
     heading: str
     columns: tuple[Column, ...]
     rows: list[tuple[str, list[Any]]] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
 
-    def row(self, name: str, *cells: Cell) -> None:
-        """Add a row and print it, below the headings if it is the first."""
+    def row(self, name: str, *cells: Cell, compared: bool = True) -> None:
+        """Add a row and print it, below the headings if it is the first.
+
+        One that is not `compared` is no loss, whatever it says: a peer's own.
+        """
         if not self.rows:
             titles = [self.heading, *(column.title for column in self.columns)]
             print('\n' + line(titles) + '\n' + '|---' * len(titles) + '|')
         kept = [summary(cell) for cell in cells]
         self.rows.append((name, kept))
+        if compared:
+            self.losses += losses(name, kept, self.columns)
         print(line([name, *map(written, kept, self.columns)]), flush=True)
 
 
@@ -96,7 +102,6 @@ class Figures:
             'settings': self.settings,
             **self.conditions,
             'tables': {key: asdict(table) for key, table in self.tables.items()},
-            'losses': {key: losses(table) for key, table in self.tables.items()},
         }
         path = RESULTS / f'{self.name}.json'
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -141,16 +146,15 @@ def written(kept: Any, column: Column) -> str:
     return f'{kept["median"]:{column.form}} ({low} to {high})'
 
 
-def losses(table: Table) -> list[str]:
-    """Return where a table's peers are ahead, a phrase each."""
+def losses(name: str, cells: Sequence[Any], columns: Sequence[Column]) -> list[str]:
+    """Return where the peers of a row are ahead, a phrase each."""
     found = []
-    for name, cells in table.rows:
-        for column, kept in zip(table.columns, cells, strict=True):
-            value = middle(kept)
-            if isinstance(value, float) and (
-                (column.loss == '<' and value < 1.0) or (column.loss == '>' and value > 1.0)
-            ):
-                found.append(f'{name}: {value:{column.form}} ({column.title})')
+    for column, kept in zip(columns, cells, strict=True):
+        value = middle(kept)
+        if isinstance(value, float) and (
+            (column.loss == '<' and value < 1.0) or (column.loss == '>' and value > 1.0)
+        ):
+            found.append(f'{name}: {value:{column.form}} ({column.title})')
     return found
 
 

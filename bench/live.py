@@ -33,7 +33,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from binopos_ros.capture.transport import PROFILE_VARIABLES
+from binopos_ros.capture.transport import profile_variable
 from binopos_ros.cli.installation import PROFILE, needed
 from figures import Column, Figures
 
@@ -295,7 +295,7 @@ def main() -> int:
     options = parser.parse_args()
     os.environ['ROS_DOMAIN_ID'] = DOMAIN
     if options.raw:
-        os.environ[PROFILE_VARIABLES[0]] = str(needed(PROFILE))
+        os.environ[profile_variable()] = str(needed(PROFILE))
     with tempfile.TemporaryDirectory() as folder:
         bag = options.bag
         if bag is None:

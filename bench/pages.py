@@ -72,8 +72,8 @@ def rendered(bench: str, key: str, alone: bool) -> str:
     if alone:
         return '\n'.join(lines)
     lines.append('')
-    if found['losses'][key]:
-        lines += [f'Losses: {"; ".join(found["losses"][key])}.', '']
+    if table['losses']:
+        lines += [f'Losses: {"; ".join(table["losses"])}.', '']
     kept = {name: value for name, value in found['versions'].items() if value != '-'}
     settings = [f'{name} {value}' for name, value in found['settings'].items() if value]
     lines += [

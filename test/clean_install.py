@@ -117,9 +117,10 @@ def served(binopos: Path, bag: Path, folder: Path, environment: dict[str, str]) 
             except urllib.error.URLError as error:
                 told += str(error)
             break
-    process.send_signal(signal.SIGINT)
+    process.terminate()
     told += process.communicate(timeout=60)[0]
-    well = '<html' in page.lower() and process.returncode == 0
+    # Ended by the signal itself, or in good order because of it.
+    well = '<html' in page.lower() and process.returncode in (0, -signal.SIGTERM)
     print(f'{"ok  " if well else "FAIL"}           binopos view{"" if well else told}', flush=True)
     return well
 

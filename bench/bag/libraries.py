@@ -171,9 +171,8 @@ def main() -> None:
             {name: partial(anew, write, folder / 'new', given) for name, write in writers.items()}
         )
         for name, seconds in written.items():
-            peer = name in readers
             least = min(seconds) / min(written['ours'])
-            table.row(name, seconds, least if peer else None)
+            table.row(name, seconds, least, compared=name in readers)
         if (arguments.pairs, arguments.bytes) == (PAIRS, SIZE):
             found.keep()
     finally:

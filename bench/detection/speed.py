@@ -123,7 +123,8 @@ def main() -> int:
         Column('plain script / this', '.2f', '<'),
     )
     for name, each in times.items():
-        table.row(name, each, min(each), script / statistics.median(each))
+        ratio = script / statistics.median(each)
+        table.row(name, each, min(each), ratio, compared=name.startswith(('following', 'lost')))
     found.keep()
     if tags is None:
         print('pupil-apriltags is not installed: pip install pupil-apriltags to compare with it')

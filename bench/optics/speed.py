@@ -36,7 +36,7 @@ TERMS = np.array([-0.1, 0.02, 1e-3, -5e-4, 0.0])
 SIZE = (1280, 960)
 SHIFT = np.array([-0.23, 0.0, 0.0])
 COVARIANCE = 0.01 * np.eye(2)  # px^2
-ROUNDS, SOME, SINGLE = 12, 300, 40
+ROUNDS, SOME, SINGLE = 12, 300, 400
 
 Work = Callable[[], Any]
 Works = dict[str, tuple[Work, int]]
@@ -229,7 +229,7 @@ def main() -> None:
         singly(opencv_triangulate),
         (SINGLE,) * 3,
     )
-    add(table, 'triangulate, one pair at a time', 5 * ROUNDS, alone)
+    add(table, 'triangulate, one pair at a time', 2 * ROUNDS, alone)
     housings(found)
     found.keep()
 

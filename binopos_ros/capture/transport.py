@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 DEFAULT_SEGMENT = 512 * 1024
@@ -12,7 +13,11 @@ PROFILE_SEGMENT = 64 * 1024 * 1024
 
 SHARED_MEMORY = '/dev/shm'
 TRANSPORTS_VARIABLE = 'FASTDDS_BUILTIN_TRANSPORTS'
+#: The name up to Fast DDS 2, which Jazzy has, and from Fast DDS 3 on, which Kilted has: neither
+#: reads the other's without a word on stderr.
 PROFILE_VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
+_OF_FAST_DDS_2 = ('humble', 'iron', 'jazzy')
+_RCLPY_OF_FAST_DDS_3 = 8
 _OWN_MIDDLEWARE = ('', 'rmw_fastrtps_cpp', 'rmw_fastrtps_dynamic_cpp')
 
 
@@ -24,6 +29,17 @@ def user_profile(environment: Mapping[str, str] = os.environ) -> str:
     # Fast DDS reads a file of this name from the working directory by itself.
     local = Path('DEFAULT_FASTRTPS_PROFILES.xml')
     return str(local) if local.exists() else ''
+
+
+def profile_variable(environment: Mapping[str, str] = os.environ) -> str:
+    """The variable that names Fast DDS's profile file, in the ROS that is sourced or installed."""
+    if environment.get('ROS_DISTRO'):
+        return PROFILE_VARIABLES[environment['ROS_DISTRO'] not in _OF_FAST_DDS_2]
+    try:
+        release = version('ros-rclpy')
+    except PackageNotFoundError:
+        return PROFILE_VARIABLES[0]
+    return PROFILE_VARIABLES[int(release.partition('.')[0]) >= _RCLPY_OF_FAST_DDS_3]
 
 
 def uses_fast_dds(environment: Mapping[str, str] = os.environ) -> bool:
@@ -43,7 +59,7 @@ def profile_environment(
     """
     if image_bytes <= DEFAULT_SEGMENT or not uses_fast_dds(environment):
         return {}
-    return {} if user_profile(environment) else {PROFILE_VARIABLES[0]: str(profile)}
+    return {} if user_profile(environment) else {profile_variable(environment): str(profile)}
 
 
 def free_shared_memory() -> int | None:

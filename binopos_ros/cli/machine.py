@@ -10,6 +10,7 @@ from pathlib import Path
 from binopos_ros.capture.transport import (
     DEFAULT_SEGMENT,
     PROFILE_SEGMENT,
+    profile_variable,
     user_profile,
     uses_fast_dds,
 )
@@ -78,7 +79,7 @@ def transport(
             f'raw images of {image_bytes / 1e6:.1f} MB do not fit the default shared memory of '
             'Fast DDS, which loses them without a word',
             '"binopos run" sets config/fastdds.xml; for nodes started otherwise, '
-            'export FASTRTPS_DEFAULT_PROFILES_FILE=.../share/binopos_ros/config/fastdds.xml, '
+            f'export {profile_variable(environment)}=.../share/binopos_ros/config/fastdds.xml, '
             'or use MJPG',
         )
     else:

@@ -50,10 +50,11 @@ class CalibratorNode(StageNode):
 
     def destroy_node(self) -> None:
         """End the worker, then the node."""
-        with self._arrived:
-            self._ended = True
-            self._arrived.notify()
-        self._worker.join()
+        if hasattr(self, '_worker'):
+            with self._arrived:
+                self._ended = True
+                self._arrived.notify()
+            self._worker.join()
         super().destroy_node()
 
     def _on_image(self, side: str, message: CompressedImage | Image) -> None:

@@ -92,7 +92,8 @@ class CameraNode(StageNode):
 
     def destroy_node(self) -> None:
         """Close the cameras, then the node."""
-        self._rig.stop()
+        if hasattr(self, '_rig'):
+            self._rig.stop()
         super().destroy_node()
 
     def _configure(self, options: CaptureOptions) -> None:

@@ -7,7 +7,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-from binopos_ros.capture.transport import PROFILE_SEGMENT, profile_environment
+from binopos_ros.capture.transport import (
+    PROFILE_SEGMENT,
+    profile_environment,
+    profile_variable,
+)
 
 PROFILE = Path('/share/config/fastdds.xml')
 SMALL, LARGE = 400_000, 3_700_000
@@ -19,9 +23,20 @@ def elsewhere(tmp_path, monkeypatch):
 
 
 def test_large_images_get_the_profile():
-    expected = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(PROFILE)}
-    assert profile_environment(PROFILE, LARGE, {}) == expected
+    assert profile_environment(PROFILE, LARGE, {}) == {profile_variable({}): str(PROFILE)}
     assert profile_environment(PROFILE, LARGE, {'RMW_IMPLEMENTATION': 'rmw_fastrtps_cpp'})
+
+
+@pytest.mark.parametrize(
+    ('release', 'variable'),
+    [
+        ('jazzy', 'FASTRTPS_DEFAULT_PROFILES_FILE'),
+        ('kilted', 'FASTDDS_DEFAULT_PROFILES_FILE'),
+        ('rolling', 'FASTDDS_DEFAULT_PROFILES_FILE'),
+    ],
+)
+def test_each_ros_is_told_by_the_name_that_it_reads(release, variable):
+    assert profile_environment(PROFILE, LARGE, {'ROS_DISTRO': release}) == {variable: str(PROFILE)}
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def test_ros_is_judged_by_its_environment():
 def test_large_raw_images_want_the_profile(tmp_path):
     small = told(machine.transport({}, 0, str(tmp_path)))
     assert small[0] == (OK, 'ok      DDS profile: not needed: the images fit')
-    large = told(machine.transport({}, 3_700_000, str(tmp_path)))
+    large = told(machine.transport({'ROS_DISTRO': 'jazzy'}, 3_700_000, str(tmp_path)))
     assert large[0][0] == NOTE
     assert 'FASTRTPS_DEFAULT_PROFILES_FILE' in large[0][1]
     absent = {'FASTRTPS_DEFAULT_PROFILES_FILE': str(tmp_path / 'absent.xml')}
