@@ -18,7 +18,7 @@ PACKAGE = 'binopos_ros'
 ROOT = Path(__file__).parents[1] / PACKAGE
 
 #: Modules below all rooms: words and files that every room may use.
-BELOW = frozenset({'parameters', 'plain_yaml', 'reasons', 'sides'})
+BELOW = frozenset({'parameters', 'plain_yaml', 'reasons', 'sides', 'sheet', 'drawn'})
 STAGES = frozenset({'optics', 'pairing', 'capture', 'detection', 'triangulation', 'platform'})
 STAGES |= {'smoothing', 'calibration', 'simulation', 'bag'}
 
@@ -60,7 +60,7 @@ OWNERS = {
     'rosbags': {'bag', 'cli'},
     'usb': {'capture', 'cli'},
     'websockets': {'view'},
-    'matplotlib': {'calibration', 'evaluation', 'cli'},
+    'matplotlib': {'drawn', 'calibration', 'evaluation', 'cli'},
 }
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import importlib
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -61,6 +62,7 @@ def _run(arguments: Sequence[str]) -> int:
     complete(parser)
     parsed = parser.parse_args(words)
     parsed.ros_arguments = ros_words
+    parsed.command = shlex.join(['binopos', *arguments])
     clear_leftovers()
     try:
         return int(_module_of(parsed.verb).main(parsed))

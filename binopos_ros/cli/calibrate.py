@@ -48,6 +48,7 @@ from binopos_ros.cli.config import layers, parameters_of, ros_words
 from binopos_ros.cli.convert_calibration import convert
 from binopos_ros.cli.fixed_target import fixed_target_text
 from binopos_ros.cli.progress import progress, working
+from binopos_ros.cli.provenance import how_made
 from binopos_ros.cli.rig_file import next_step, write_rig
 from binopos_ros.cli.stereo_topics import choice_of
 from binopos_ros.cli.terminal import fitted
@@ -57,6 +58,7 @@ from binopos_ros.optics import read_camera_info, stereo_from_camera_infos
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED, Camera, RigState
 from binopos_ros.parameters import build
 from binopos_ros.pipeline import detector_options, make_platform
+from binopos_ros.sheet import Made
 from binopos_ros.sides import SIDES
 from binopos_ros.triangulation import triangulate
 from binopos_ros.triangulation.options import TriangulatorOptions
@@ -66,6 +68,8 @@ __all__ = ['add_arguments', 'main']
 
 BALLS = 60  # more do not change the result, only the time
 NOT_HOLDING = 1
+#: Arguments that name what a calibration is made of.
+INPUTS = ('source', 'left', 'right', 'calibration', 'intrinsics', 'config')
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -119,7 +123,7 @@ def _stereo(arguments: argparse.Namespace) -> int:
     print(fitted(summarise_stereo(calibration)))
     for one in unmatched:
         print(f'  {one}')
-    paths.append(stereo_report(arguments.output, calibration))
+    paths.append(stereo_report(arguments.output, calibration, _made(arguments)))
     _print_paths(paths)
     return 0
 
@@ -166,7 +170,7 @@ def _interface(arguments: argparse.Namespace) -> int:
     print(fitted(summarise_interface(calibration)))
     for one in left_out:
         print(f'  {one}')
-    paths.append(interface_report(output, calibration))
+    paths.append(interface_report(output, calibration, _made(arguments)))
     rig, missing = write_rig(
         output,
         paths[0].read_text(encoding='utf-8'),
@@ -358,6 +362,11 @@ def _ball_views(arguments: argparse.Namespace, air: RigState) -> tuple[list[View
         for p in pairs
     ]
     return views, float(np.sqrt(spread)) / CENTRE_PER_COORDINATE
+
+
+def _made(arguments: argparse.Namespace) -> Made:
+    given = (getattr(arguments, name, None) for name in INPUTS)
+    return how_made(arguments, *(Path(each) for each in given if each))
 
 
 def _print_paths(paths: list[Path]) -> None:

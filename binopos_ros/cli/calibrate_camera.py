@@ -22,6 +22,7 @@ from binopos_ros.calibration.views.pictures import read_picture
 from binopos_ros.calibration.views.sources import SUFFIXES
 from binopos_ros.calibration.views.view import View
 from binopos_ros.cli.progress import progress, working
+from binopos_ros.cli.provenance import how_made
 from binopos_ros.cli.terminal import fitted
 from binopos_ros.optics.rig_state import SHARED
 from binopos_ros.sides import SIDES
@@ -79,7 +80,8 @@ def calibrate_interface_of_one(
         )
     calibration = calibrate_interface(state, seen.views, own, covariance)
     paths = write_interface_alone(output, side, calibration)
-    paths.append(interface_report(output, calibration, f'{side}_interface.html'))
+    made = how_made(arguments, arguments.source, arguments.calibration)
+    paths.append(interface_report(output, calibration, made, f'{side}_interface.html'))
     _tell(summarise_interface(calibration), seen, paths)
     return 0
 

@@ -18,6 +18,7 @@ from binopos_ros.calibration.report.accuracy_page import (
 from binopos_ros.calibration.report.files import INTERFACE_FILE, read_stereo
 from binopos_ros.cli.config import parameters_of
 from binopos_ros.cli.progress import working
+from binopos_ros.cli.provenance import how_made
 from binopos_ros.cli.terminal import fitted
 from binopos_ros.optics.rig_state import LEFT_PORT, RIGHT_PORT, SHARED
 from binopos_ros.parameters import build
@@ -83,5 +84,6 @@ def report(arguments: argparse.Namespace) -> int:
         baselines = baseline_rows(state, covariance, arguments.noise, reach, arguments.wanted)
     print(fitted(accuracy_text(found, baselines, arguments.wanted)))
     folder = arguments.output or arguments.calibration
-    print(f'written: {accuracy_page(folder, found, baselines, arguments.wanted)}')
+    made = how_made(arguments, arguments.calibration, arguments.config)
+    print(f'written: {accuracy_page(folder, found, baselines, arguments.wanted, made)}')
     return 0

@@ -10,6 +10,7 @@ from typing import Any
 
 from binopos_ros.cli.config import add_config_argument, parameters_of
 from binopos_ros.cli.progress import progress
+from binopos_ros.cli.provenance import how_made
 from binopos_ros.evaluation import QUICK, Results, Settings, Store, evaluate, tables
 from binopos_ros.evaluation.figures import Figure, figures
 from binopos_ros.evaluation.page import as_text, write_csv, write_page
@@ -73,7 +74,9 @@ def main(arguments: argparse.Namespace) -> int:
     results = evaluate(settings, Store(arguments.output / 'parts'), progress, tried)
     made = tables(results)
     write_csv(arguments.output, made)
-    page = write_page(arguments.output, settings, made, _pictures(results))
+    how = how_made(arguments, arguments.config)
+    how = how._replace(inputs=[f'simulated, with {settings}', *how.inputs])
+    page = write_page(arguments.output, settings, made, _pictures(results), how)
     for table in made:
         print(f'{as_text(table)}\n')
     print(f'{page}: tables and pictures; the tables are beside it as CSV')

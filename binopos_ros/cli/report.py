@@ -7,6 +7,7 @@ from pathlib import Path
 
 from binopos_ros.cli.config import add_config_argument, live_parameters
 from binopos_ros.cli.outputs import add_force_argument, written
+from binopos_ros.cli.provenance import how_made
 from binopos_ros.view.dive import Dive
 from binopos_ros.view.dive_page import dive_page
 from binopos_ros.view.story import tell
@@ -36,16 +37,10 @@ def main(arguments: argparse.Namespace) -> int:
         with Dive(arguments.bags) as dive:
             story = tell(dive)
             dropped = dive.dropped
-        words = ['binopos report', *map(str, arguments.bags), '-o', str(arguments.output)]
-        inputs = [f'{path}: {size(path):,} bytes' for path in arguments.bags]
+        made = how_made(arguments, *arguments.bags)
         if dropped:
-            inputs.append(f'{dropped} messages could not be read')
-        part.write_text(dive_page(story, words, inputs), encoding='utf-8')
+            lost = f'{dropped} messages could not be read'
+            made = made._replace(inputs=[*made.inputs, lost])
+        part.write_text(dive_page(story, made), encoding='utf-8')
     print(f'{arguments.output}: {len(story.stamps)} poses, {len(story.events)} events')
     return 0 if len(story.stamps) else 1
-
-
-def size(path: Path) -> int:
-    """Bytes of a bag, a file or a folder."""
-    files = [path] if path.is_file() else [each for each in path.rglob('*') if each.is_file()]
-    return sum(each.stat().st_size for each in files)

@@ -2,64 +2,86 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 import html
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from binopos_ros.evaluation.cells import Cell, Span, Table, Value
 from binopos_ros.evaluation.figures import Figure
 from binopos_ros.evaluation.settings import Settings
-from binopos_ros.evaluation.tables import Table
+from binopos_ros.sheet import Made, drawing, sheet, table
 
 #: Of a terminal, in characters.
 WIDTH = 80
 INDENT, GAP = '  ', '  '
-STYLE = (
-    'body{font:15px/1.45 sans-serif;max-width:75em;margin:2em auto;padding:0 1em}'
-    'img{max-width:100%}table{border-collapse:collapse}'
-    'td,th{padding:.15em .8em .15em 0;text-align:right;border-bottom:1px solid #ddd}'
-    'td:first-child,th:first-child{text-align:left}.note{color:#555;max-width:55em}'
-)
 
 
 def write_csv(folder: Path, tables: Iterable[Table]) -> list[Path]:
-    """Write each table to its own file; the files."""
+    """Write each table to its own file; the files.
+
+    Figures are written as numbers, a span as two of them, and nothing where there is none.
+    """
     written = []
-    for table in tables:
-        path = folder / f'{table.name}.csv'
+    for made in tables:
+        path = folder / f'{made.name}.csv'
+        spans = {
+            column
+            for row in made.rows
+            for column, cell in enumerate(row)
+            if isinstance(cell, Span)
+        }
         with path.open('w', newline='', encoding='utf-8') as file:
             writer = csv.writer(file)
-            writer.writerow(table.header)
-            writer.writerows(table.rows)
+            writer.writerow(
+                name
+                for column, title in enumerate(made.header)
+                for name in ((f'{title}, low', f'{title}, high') if column in spans else (title,))
+            )
+            for row in made.rows:
+                writer.writerow(
+                    value
+                    for column, cell in enumerate(row)
+                    for value in _numbers(cell, column in spans)
+                )
         written.append(path)
     return written
 
 
+def _numbers(cell: Cell, spans: bool) -> Iterator[str]:
+    if isinstance(cell, Span):
+        yield from (f'{cell.low:.9g}', f'{cell.high:.9g}')
+    else:
+        # A figure in a column of spans is one from itself to itself.
+        told = f'{cell.value:.9g}' if isinstance(cell, Value) else cell
+        yield from (told, told) if spans else (told,)
+
+
 def write_page(
-    folder: Path, settings: Settings, tables: Iterable[Table], figures: Iterable[Figure]
+    folder: Path,
+    settings: Settings,
+    tables: Iterable[Table],
+    figures: Iterable[Figure],
+    made: Made,
 ) -> Path:
     """Write evaluation.html; its path."""
-    parts = [
-        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">',
-        f'<title>Evaluation</title><style>{STYLE}</style></head><body>',
-        "<h1>The paper's experiments, and the comparison of filters</h1>",
+    body = [
         f'<p>{html.escape(_about(settings))}</p>',
-        *(_table(table) for table in tables),
-        *(_figure(figure) for figure in figures),
-        '</body></html>',
+        *(_table(each) for each in tables),
+        *(_figure(each) for each in figures),
     ]
+    title = "The paper's experiments, and the comparison of filters"
     path = folder / 'evaluation.html'
-    path.write_text('\n'.join(parts), encoding='utf-8')
+    path.write_text(sheet(title, body, made), encoding='utf-8')
     return path
 
 
-def as_text(table: Table) -> str:
+def as_text(made: Table) -> str:
     """A table for a terminal: columns that do not fit follow below, with the first one again."""
-    lines = [table.header, *table.rows]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(table.header))]
-    text = textwrap.wrap(table.title, WIDTH)
+    lines = [made.header, *(tuple(map(str, row)) for row in made.rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(made.header))]
+    text = textwrap.wrap(made.title, WIDTH)
     for number, columns in enumerate(_columns_that_fit(widths)):
         if number:
             text.append('')
@@ -94,20 +116,13 @@ def _about(settings: Settings) -> str:
     )
 
 
-def _table(table: Table) -> str:
-    head = ''.join(f'<th>{html.escape(cell)}</th>' for cell in table.header)
-    body = ''.join(
-        '<tr>' + ''.join(f'<td>{html.escape(cell)}</td>' for cell in row) + '</tr>'
-        for row in table.rows
-    )
-    note = f'<p class="note">{html.escape(table.note)}</p>' if table.note else ''
-    return f'<h2>{html.escape(table.title)}</h2><table><tr>{head}</tr>{body}</table>{note}'
+def _table(made: Table) -> str:
+    note = f'<p>{html.escape(made.note)}</p>' if made.note else ''
+    return f'<h2>{html.escape(made.title)}</h2>{note}{table(made.rows, made.header)}'
 
 
 def _figure(figure: Figure) -> str:
-    picture = base64.b64encode(figure.png).decode('ascii')
     return (
-        f'<h2>{html.escape(figure.title)}</h2><p class="note">The paper: '
-        f'{html.escape(figure.paper)}.</p><img alt="{html.escape(figure.title)}" '
-        f'src="data:image/png;base64,{picture}">'
+        f'<h2>{html.escape(figure.title)}</h2><p>The paper: {html.escape(figure.paper)}.</p>'
+        f'{drawing(figure.svg, figure.title)}'
     )

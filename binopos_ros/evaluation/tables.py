@@ -1,58 +1,35 @@
-"""The evaluation's tables: rows of words, as CSV, text and HTML show them."""
+"""The evaluation's tables: rows of words and figures, as CSV, text and HTML show them."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from binopos_ros.evaluation.cells import Cell, Span, Table, Value
+from binopos_ros.evaluation.claims import claims
 from binopos_ros.evaluation.comparison import PAPER_FILTERS, error_ranges, mean_errors
+from binopos_ros.evaluation.paper import (
+    PAPER_CALM,
+    PAPER_GROWTH,
+    PAPER_INDICES,
+    PAPER_SALT,
+    PAPER_SMALLER,
+    PAPER_TABLE_5,
+    PAPER_TABLE_6,
+    PAPER_WAVES,
+)
 from binopos_ros.evaluation.run import Results
 from binopos_ros.evaluation.trials.protocols import CONTROLS, nees_band
 
 Array = NDArray[np.float64]
 MILLI = 1e3
-
-#: What the paper prints (Sec. 5.2 to 5.4, Tables 5 and 6), for the last column of our tables.
-PAPER_RANGE = '-4 .. 4'
-PAPER_SALT_RANGE = '-0.37 .. 0.37'
-PAPER_GROWTH = 12.45
-PAPER_SMALLER = {
-    ('kalman', 'none'): 10.67,
-    ('cloud-kalman', 'kalman'): 23.34,
-    ('cloud-kalman', 'none'): 31.73,
-}
-PAPER_RANGES = {'none': '-3.3 .. 3.3', 'kalman': '-3.3 .. 3.3', 'cloud-kalman': '-2.5 .. 2.5'}
-PAPER_TABLE_5 = {
-    'cloud-kalman': ('97', '-4.36 .. 4.36', '5548.95 s'),
-    'sage-husa': ('2', '-4.73 .. 4.73', '5672.62 s'),
-    'bp-kalman': ('1', '-4.64 .. 4.64', '5590.16 s'),
-}
-PAPER_TABLE_6 = {
-    -1.0: (0, 2, 1),
-    -0.5: (3, 2, 2),
-    0.5: (7, 3, 3),
-    1.0: (85, 87, 91),
-    1.5: (4, 6, 2),
-    2.0: (1, 0, 1),
-}
-
-
-class Table(NamedTuple):
-    """A table with a name for its file, a title, and what to know when reading it."""
-
-    name: str
-    title: str
-    header: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
-    note: str = ''
+RMS = ('RMS x (mm)', 'RMS y (mm)', 'RMS z (mm)', 'RMS, 3-D (mm)')
 
 
 def tables(results: Results) -> list[Table]:
     """All tables of an evaluation."""
     return [
+        claims(results),
         _transforming(results),
         _salted(results),
         _index(results),
@@ -70,14 +47,14 @@ def _transforming(results: Results) -> Table:
     for method, errors in results.transforming.items():
         first = MILLI * errors[:, 0]
         rows.append(
-            (method, *_axes(first), _span(first), PAPER_RANGE if method == 'paper' else '')
+            (method, *_axes(first), _span(first), _swing(PAPER_CALM) if method == 'paper' else '')
         )
     count = results.settings.experiments
     return Table(
         'transforming',
         'Transforming media (Sec. 5.2, Figure 14): one pair at each of '
         f'{count} places on the floor, calm water',
-        ('method', 'RMS x (mm)', 'y', 'z', '3-D', 'errors (mm)', "paper's errors (mm)"),
+        ('method', *RMS, 'errors (mm)', "paper's errors (mm)"),
         rows,
         f'Centroid noise {results.settings.pixel_std} px. Straight rays ignore the water.',
     )
@@ -88,26 +65,26 @@ def _salted(results: Results) -> Table:
     base = _rms(salt.errors['estimated'])
     rows = []
     for kind, errors in salt.errors.items():
-        growth = f'{100 * (_rms(errors) / base - 1):+.1f} %'
-        said = f'+{PAPER_GROWTH} %' if kind.endswith('assumed') else ''
+        growth: Cell = Value(100 * (_rms(errors) / base - 1), 1)
+        said: Cell = Value(PAPER_GROWTH) if kind.endswith('assumed') else ''
+        range_said: Cell = ''
         if kind == 'estimated':
-            growth, said = '', PAPER_SALT_RANGE
+            growth, range_said = '', _swing(PAPER_SALT)
         millimetres = MILLI * errors
         one = MILLI * _rms(salt.single[kind])
-        rows.append((kind, *_axes(millimetres), f'{one:.2f}', _span(millimetres), growth, said))
+        spans = _span(millimetres), range_said
+        rows.append((kind, *_axes(millimetres), Value(one), *spans, growth, said))
     return Table(
         'inhomogeneous',
         'Inhomogeneous media (Sec. 5.3, Figure 16): salt gradient, mean index 1.333 to 1.38',
         (
             'index',
-            'RMS x (mm)',
-            'y',
-            'z',
-            '3-D',
-            '3-D, one pair',
+            *RMS,
+            'RMS, one pair (mm)',
             'errors (mm)',
-            'more error than estimated',
-            "paper's",
+            "paper's errors (mm)",
+            'more error than estimated (%)',
+            "paper's (%)",
         ),
         rows,
         f'Position from {results.settings.frames} pairs at one place. A pair says little of the '
@@ -120,13 +97,14 @@ def _index(results: Results) -> Table:
     salt = results.salted
     error = salt.estimate - salt.truth
     row = (
-        f'{salt.truth.min():.4f} .. {salt.truth.max():.4f}',
-        f'{salt.estimate.min():.4f} .. {salt.estimate.max():.4f}',
-        f'{np.sqrt(np.mean(error**2)):.4f}',
-        f'{np.sqrt(np.mean(salt.index_std**2)):.4f}',
-        f'{np.mean((error / salt.index_std) ** 2):.2f}',
-        f'{int(salt.observed.sum())} of {len(error)}',
-        '1.33 .. 1.52',
+        Span(salt.truth.min(), salt.truth.max(), 4),
+        Span(salt.estimate.min(), salt.estimate.max(), 4),
+        Value(np.sqrt(np.mean(error**2)), 4),
+        Value(np.sqrt(np.mean(salt.index_std**2)), 4),
+        Value(float(np.mean((error / salt.index_std) ** 2))),
+        Value(int(salt.observed.sum()), 0),
+        Value(len(error), 0),
+        Span(*PAPER_INDICES),
     )
     return Table(
         'index',
@@ -138,6 +116,7 @@ def _index(results: Results) -> Table:
             'stated deviation',
             'squared error by stated variance',
             'said to be observed',
+            'of',
             "paper's",
         ),
         [row],
@@ -151,10 +130,10 @@ def _ranges(results: Results) -> Table:
         rows.append(
             (
                 PAPER_FILTERS[name],
-                *(f'{value:.2f}' for value in (*ranges.mean(axis=0), ranges.mean())),
-                f'{MILLI * mean_errors(errors).mean():.2f}',
-                f'{MILLI * np.sqrt(np.mean(np.sum(errors**2, axis=2))):.2f}',
-                PAPER_RANGES.get(name, ''),
+                *map(Value, (*ranges.mean(axis=0), ranges.mean())),
+                Value(MILLI * mean_errors(errors).mean()),
+                Value(MILLI * np.sqrt(np.mean(np.sum(errors**2, axis=2)))),
+                _swing(PAPER_WAVES[name]) if name in PAPER_WAVES else '',
             )
         )
     return Table(
@@ -164,9 +143,9 @@ def _ranges(results: Results) -> Table:
         (
             'filter',
             'error range x (mm)',
-            'y',
-            'z',
-            'mean',
+            'y (mm)',
+            'z (mm)',
+            'mean (mm)',
             'mean Euclidean error (mm)',
             'RMS (mm)',
             "paper's errors (mm)",
@@ -182,13 +161,16 @@ def _smaller(results: Results) -> Table:
     rows = [
         (
             f'{PAPER_FILTERS[name]} than {PAPER_FILTERS[other]}',
-            f'{100 * (1 - means[name] / means[other]):.2f} %',
-            f'{paper} %',
+            Value(100 * (1 - means[name] / means[other])),
+            Value(paper),
         )
         for (name, other), paper in PAPER_SMALLER.items()
     ]
     return Table(
-        'smaller', 'By how much the error range is smaller', ('filter', 'here', 'paper'), rows
+        'smaller',
+        'By how much the error range is smaller',
+        ('filter', 'here (%)', 'paper (%)'),
+        rows,
     )
 
 
@@ -200,14 +182,17 @@ def _table_5(results: Results) -> Table:
     for number, name in enumerate(names):
         # "The 3D error ranges were converted to Euclidean distance" (Eq. 26): half the range of
         # each axis is what its errors swing to either side.
+        count, half, seconds = PAPER_TABLE_5[name]
         swing = MILLI * np.linalg.norm(error_ranges(results.fluctuating[name]).mean(axis=0)) / 2
         rows.append(
             (
                 PAPER_FILTERS[name],
-                str(wins[number]),
-                f'{-swing:.2f} .. {swing:.2f}',
-                f'{MILLI * MILLI * results.seconds[name]:.0f} us',
-                *PAPER_TABLE_5[name],
+                Value(wins[number], 0),
+                _swing(swing),
+                Value(MILLI * MILLI * results.seconds[name], 0),
+                Value(count, 0),
+                _swing(half),
+                Value(seconds),
             )
         )
     return Table(
@@ -217,10 +202,10 @@ def _table_5(results: Results) -> Table:
             'filter',
             'experiments with the smallest mean error',
             'range of mean error (mm)',
-            'time per image',
+            'time per image (us)',
             "paper's count",
-            "paper's range",
-            "paper's time",
+            "paper's range (mm)",
+            "paper's time (s)",
         ),
         rows,
         "The paper's 5,549 s per image cannot be seconds per image.",
@@ -233,9 +218,9 @@ def _table_6(results: Results) -> Table:
     ranges = MILLI * np.ptp(results.controls, axis=2).mean(axis=(1, 2))
     rows = []
     for number, control in enumerate(CONTROLS):
-        wins = [int(np.sum(best[:, axis] == number)) for axis in range(3)]
-        paper = PAPER_TABLE_6.get(control, (0, 0, 0))
-        rows.append((f'{control:g}', *map(str, wins), _number(ranges[number]), *map(str, paper)))
+        wins = [Value(np.sum(best[:, axis] == number), 0) for axis in range(3)]
+        paper = [Value(count, 0) for count in PAPER_TABLE_6.get(control, (0, 0, 0))]
+        rows.append((Value(control, 1), *wins, Value(ranges[number]), *paper))
     return Table(
         'table_6',
         'Table 6 and Figure 21: comparison between parameter adjustment effects',
@@ -246,8 +231,8 @@ def _table_6(results: Results) -> Table:
             'z',
             'error range (mm)',
             "paper's x",
-            'y',
-            'z',
+            "paper's y",
+            "paper's z",
         ),
         rows,
         "The paper's variant of the filter, the number in the certainty's place (Eq. 16).",
@@ -260,16 +245,18 @@ def _mixed(results: Results) -> Table:
     rows = []
     for name, scores in sorted(results.mixed.items(), key=lambda item: item[1].rms.mean()):
         lags = scores.lag[np.isfinite(scores.lag)]
-        beaten = f'{100 * np.mean(own < scores.rms):.0f} %' if name != 'cloud-kalman' else ''
+        beaten: Cell = Value(100 * np.mean(own < scores.rms), 0)
+        if name == 'cloud-kalman':
+            beaten = ''
         rows.append(
             (
                 name,
-                f'{MILLI * scores.rms.mean():.2f}',
-                f'{MILLI * np.median(scores.rms):.2f}',
-                f'{MILLI * scores.high.mean():.2f}',
-                f'{MILLI * np.median(lags):.0f}' if lags.size else '',
-                f'{scores.consistency.mean():.2f}',
-                f'{MILLI * MILLI * np.median(scores.seconds):.0f}',
+                Value(MILLI * scores.rms.mean()),
+                Value(MILLI * np.median(scores.rms)),
+                Value(MILLI * scores.high.mean()),
+                Value(MILLI * np.median(lags), 0) if lags.size else '',
+                Value(scores.consistency.mean()),
+                Value(MILLI * MILLI * np.median(scores.seconds), 0),
                 beaten,
             )
         )
@@ -280,12 +267,12 @@ def _mixed(results: Results) -> Table:
         (
             'filter',
             'RMS, mean (mm)',
-            'median',
+            'median (mm)',
             '99th percentile (mm)',
             'lag (ms)',
             'normalised squared error',
             'time per step (us)',
-            'cloud-kalman is better in',
+            'cloud-kalman is better in (%)',
         ),
         rows,
         'Every filter was tuned with the same optimiser, budget and training sequences, none of '
@@ -297,28 +284,29 @@ def _mixed(results: Results) -> Table:
 def _mixed_by_kind(results: Results) -> Table:
     kinds = np.array(results.kinds)
     names = sorted(set(results.kinds))
-    rows = [
-        (filter_name, *(f'{MILLI * scores.rms[kinds == kind].mean():.2f}' for kind in names))
+    rows: list[tuple[Cell, ...]] = [
+        (filter_name, *(Value(MILLI * scores.rms[kinds == kind].mean()) for kind in names))
         for filter_name, scores in sorted(
             results.mixed.items(), key=lambda item: item[1].rms.mean()
         )
     ]
-    return Table('filters_by_path', 'The same by path: mean RMS in mm', ('filter', *names), rows)
+    head = ('filter', *(f'{name} (mm)' for name in names))
+    return Table('filters_by_path', 'The same by path: mean RMS', head, rows)
 
 
-def _axes(errors: Array) -> tuple[str, ...]:
+def _axes(errors: Array) -> tuple[Value, ...]:
     """RMS of each axis and of the length, of (N, 3) errors in mm."""
     axes = np.sqrt(np.mean(errors**2, axis=0))
-    return tuple(f'{value:.2f}' for value in (*axes, np.sqrt(np.sum(axes**2))))
+    return tuple(map(Value, (*axes, np.sqrt(np.sum(axes**2)))))
 
 
 def _rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
 
 
-def _span(errors: Array) -> str:
-    return f'{errors.min():.2f} .. {errors.max():.2f}'
+def _span(errors: Array) -> Span:
+    return Span(errors.min(), errors.max())
 
 
-def _number(value: float) -> str:
-    return f'{value:.2f}' if abs(value) < 1e4 else f'{value:.1e}'
+def _swing(half: float) -> Span:
+    return Span(-half, half)

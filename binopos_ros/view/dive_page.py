@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Iterable, Sequence
-from datetime import datetime, timezone
 
 import numpy as np
 
-from binopos_ros import __version__
+from binopos_ros.sheet import Made, sheet, table, utc
 from binopos_ros.view.drawing import curve, path, words
 from binopos_ros.view.story import Story
 
 AXES = ('x', 'y', 'z')
 STYLE = """
-:root{color-scheme:light dark;--ground:#fff;--ink:#11161c;--soft:#47505b;--line:#c5ccd4;
---good:#0b6b2e;--note:#1d4f91;--warning:#8a4b00;--alarm:#b00020;--path:#1f4fbf}
-@media(prefers-color-scheme:dark){:root{--ground:#0b0f14;--ink:#f2f5f8;--soft:#b6c0cb;--line:#3a4450;
---good:#58d68d;--note:#8ab8ff;--warning:#ffb454;--alarm:#ff8a80;--path:#8ab8ff}}
-body{background:var(--ground);color:var(--ink);font:16px/1.5 system-ui,sans-serif;max-width:60em;
-margin:0 auto;padding:1em;overflow-wrap:anywhere}
-h2{margin:1.6em 0 .4em}table{border-collapse:collapse}
-th,td{text-align:left;padding:.2em 1.2em .2em 0;border-bottom:1px solid var(--line);
-vertical-align:top;overflow-wrap:anywhere}
-td.n{text-align:right;font-variant-numeric:tabular-nums}.scroll{overflow-x:auto}
 svg{display:block;width:100%;height:auto}svg text{fill:var(--soft);font:11px system-ui,sans-serif}
 .x{text-anchor:middle}.y{text-anchor:end}.grid{stroke:var(--line);fill:none}
-.line{fill:none;stroke:var(--path);stroke-width:1.6}.band{fill:var(--path);opacity:.25}
+.line{fill:none;stroke:var(--c0);stroke-width:1.6}.band{fill:var(--c0);opacity:.25}
 .begin{fill:none;stroke:var(--ink);stroke-width:2}.end{fill:var(--alarm)}
 rect.tracking{fill:var(--good)}rect.coasting,rect.starting{fill:var(--note)}
 rect.degraded{fill:var(--warning)}rect.lost{fill:var(--alarm)}
@@ -35,36 +23,19 @@ rect.degraded{fill:var(--warning)}rect.lost{fill:var(--alarm)}
 .event{display:flex;flex-wrap:wrap;gap:1em;padding:.6em 0;border-top:1px solid var(--line)}
 .event img{width:160px;height:auto}.event div{flex:1 1 16em}
 .good{color:var(--good)}.note{color:var(--note)}.warning{color:var(--warning)}.alarm{color:var(--alarm)}
-footer{color:var(--soft);margin-top:2em}
 """
 
 
-def dive_page(story: Story, command: Sequence[str], inputs: Iterable[str]) -> str:
-    """The page.
-
-    Args:
-        story: of the dive.
-        command: the words that it was made with.
-        inputs: the files that it was made of, each with what tells it from another.
-    """
-    began = _time(story.start)
-    parts = [
-        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f'<title>Dive of {began}</title><style>{STYLE}</style></head><body><main>',
-        f'<h1>Dive of {began}</h1>',
+def dive_page(story: Story, made: Made) -> str:
+    """The page about a dive, and how it was made."""
+    body = [
         _summary(story),
         *(_curves(story) if len(story.stamps) else ['<p>No pose in these bags.</p>']),
         _health(story),
         _events(story),
         _drops(story),
-        '</main><footer><h2>How this was made</h2><p>',
-        f'binopos_ros {__version__}, {_time(datetime.now(timezone.utc).timestamp())}: ',
-        f'<code>{html.escape(" ".join(command))}</code></p><ul>',
-        *(f'<li>{html.escape(each)}</li>' for each in inputs),
-        '</ul></footer></body></html>\n',
     ]
-    return '\n'.join(parts)
+    return sheet(f'Dive of {utc(story.start)}', body, made, STYLE)
 
 
 def _summary(story: Story) -> str:
@@ -85,7 +56,7 @@ def _summary(story: Story) -> str:
         ]
     held = _held(story)
     rows += [(f'time {word}', f'{seconds:.1f} s') for word, seconds in held.items()]
-    return f'<h2>In short</h2>{_table(rows)}'
+    return f'<h2>In short</h2>{table(rows)}'
 
 
 def _curves(story: Story) -> list[str]:
@@ -151,16 +122,4 @@ def _events(story: Story) -> str:
 
 def _drops(story: Story) -> str:
     rows = [(f'{node}: {reason}', f'{count}') for node, reason, count in story.drops]
-    return f'<h2>What gave no result</h2>{_table(rows)}' if rows else ''
-
-
-def _table(rows: Iterable[tuple[str, str]]) -> str:
-    body = ''.join(
-        f'<tr><th scope="row">{html.escape(name)}</th><td class="n">{html.escape(value)}</td></tr>'
-        for name, value in rows
-    )
-    return f'<div class="scroll"><table>{body}</table></div>'
-
-
-def _time(seconds: float) -> str:
-    return datetime.fromtimestamp(seconds, timezone.utc).strftime('%Y-%m-%d %H:%M:%S UTC')
+    return f'<h2>What gave no result</h2>{table(rows)}' if rows else ''

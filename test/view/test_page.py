@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
+from binopos_ros.drawn import BAND, in_page_colours, legend_above
+from binopos_ros.sheet import Made, drawing, sheet, table
 from binopos_ros.view.options import ViewerOptions
 from binopos_ros.view.server import PageServer
 from browser import Browser, found, unavailable
@@ -184,6 +186,73 @@ def test_it_is_legible_at_every_width(browser, served, axe, theme):
         '.map((each) => [each.id, each.nodes.map((node) => node.html)]))'
     )
     assert found == []
+
+
+@pytest.mark.parametrize('theme', ['light', 'dark'])
+def test_a_report_is_legible_on_a_phone_and_on_a_desk(browser, axe, theme, tmp_path):
+    pytest.importorskip('matplotlib', reason='matplotlib is not installed')
+    drawn = in_page_colours(figure_of_everything)()
+    wide = table([('a row', *['1234.5 .. 6789.0'] * 12)], ['a head', *['of a column (mm)'] * 12])
+    body = [f'<h2>Words</h2><p>{"words " * 50}</p>', wide, drawing(drawn, 'Errors')]
+    path = tmp_path / 'report.html'
+    made = Made('binopos evaluate -o a_folder_with_a_name_as_long_as_this', ['bag: 5 bytes'])
+    path.write_text(sheet('A report', body, made), encoding='utf-8')
+    browser.call(
+        'Emulation.setEmulatedMedia', features=[{'name': 'prefers-color-scheme', 'value': theme}]
+    )
+    try:
+        browser.open(path.as_uri())
+        browser.wait_for("document.readyState === 'complete' && !!document.querySelector('svg')")
+        for width in (390, 1280, 1920):
+            browser.resize(width, 900)
+            assert browser.run('document.documentElement.scrollWidth') <= width
+            # Not too small to read.
+            assert browser.run(SMALLEST_WORD) >= 10
+        assert browser.run(COVERED) == []
+        browser.resize(1280, 900)
+        browser.run(axe)
+        found = browser.run(
+            "axe.run({runOnly: ['wcag2a', 'wcag2aa']}).then((done) => done.violations"
+            '.map((each) => [each.id, each.nodes.map((node) => node.html)]))'
+        )
+        assert found == []
+    finally:
+        browser.call('Emulation.setEmulatedMedia', features=[])
+
+
+def figure_of_everything():
+    """Two axes, three curves, a band and a legend."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 4.2), layout='constrained')
+    for axes in figure.subplots(1, 2):
+        for number in range(3):
+            axes.plot([1, 2, 3], [0, number, 1], label=f'curve {number}')
+        axes.axhspan(-4, 4, color=BAND, alpha=0.15, label='a band, \u00b14 mm')
+        axes.set(xlabel='pair (number)', ylabel='error (mm)', title='x')
+    legend_above(figure)
+    return figure
+
+
+#: The smallest height of words in a drawing, px.
+SMALLEST_WORD = """Math.min(...[...document.querySelectorAll('svg text')].map((each) => {
+  const {a, b} = each.getScreenCTM();
+  return parseFloat(getComputedStyle(each).fontSize) * Math.hypot(a, b);
+}))"""
+#: Words of a drawing that lie over one another, or over a curve.
+COVERED = """(() => {
+  const boxes = [...document.querySelectorAll('svg text')]
+    .map((each) => [each.textContent, each.getBoundingClientRect()]);
+  const legend = boxes.filter(([words]) => /^(curve|a band)/.test(words));
+  const found = [];
+  for (const [words, a] of legend) for (const [other, b] of boxes) {
+    if (words !== other && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+      && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1) found.push([words, other]);
+  }
+  const top = Math.min(...boxes.filter(([words]) => words === 'x').map(([, box]) => box.top));
+  for (const [words, box] of legend) if (box.bottom > top) found.push([words, 'the axes']);
+  return found;
+})()"""
 
 
 #: Pairs of the page's parts that cover each other.

@@ -14,8 +14,9 @@ from binopos_ros.calibration.report.accuracy import (
     with_baseline,
 )
 from binopos_ros.calibration.report.files import write_text
-from binopos_ros.calibration.report.page import page, picture, table
+from binopos_ros.calibration.report.page import page, picture
 from binopos_ros.optics.rig_state import RigState
+from binopos_ros.sheet import Made, table
 
 BASELINES = (0.5, 1.0, 1.5, 2.0)  # times the rig's own
 ENOUGH = 0.95  # of the volume
@@ -92,7 +93,11 @@ def answer(found: AccuracyMap, wanted: float) -> str:
 
 
 def accuracy_page(
-    folder: Path, found: AccuracyMap, baselines: list[tuple[str, ...]], wanted: float
+    folder: Path,
+    found: AccuracyMap,
+    baselines: list[tuple[str, ...]],
+    wanted: float,
+    made: Made,
 ) -> Path:
     """Write accuracy.html; its path."""
     sections = [
@@ -104,7 +109,7 @@ def accuracy_page(
             picture('Accuracy over the working volume', CAPTION, pictures.accuracy(found))
         )
     path = folder / 'accuracy.html'
-    write_text(path, page('How accurate is this rig?', answer(found, wanted), sections))
+    write_text(path, page('How accurate is this rig?', answer(found, wanted), sections, made))
     return path
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import html
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,23 +18,17 @@ from binopos_ros.calibration.report.summary import camera_rows, interface_rows, 
 from binopos_ros.calibration.report.verdicts import advice, tilt_angles, verdicts
 from binopos_ros.calibration.views.pairs import CELLS, Dropped, coverage
 from binopos_ros.calibration.views.view import View
+from binopos_ros.sheet import Made, drawing, sheet, table
 from binopos_ros.sides import SIDES
 
 FEW_VIEWS = 12
 EMPTY = 0.25  # of the cells
 LITTLE_TILT = 30.0  # degrees
-STYLE = (
-    'body{font:15px/1.45 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}'
-    'img{max-width:100%}h2{margin-top:1.8em}table{border-collapse:collapse}'
-    'td,th{padding:.25em 1.2em .25em 0;text-align:left;vertical-align:top}'
-    'tr+tr{border-top:1px solid #ddd}p{max-width:48em}'
-    '.next{background:#e8f2ff;padding:1em;border-left:4px solid #2a6fc9;max-width:none}'
-)
 CAPTIONS = {
     'Reprojection per view': 'How far the points of each view lie from where the calibration '
     'computes them. Bars of one height are good; one that stands out is a view with blur or a '
     'board that moved.',
-    'Coverage': 'Points in each part of the pictures; white parts have seen none. Every part that '
+    'Coverage': 'Points in each part of the pictures; empty parts have seen none. Every part that '
     'the target will visit should hold some.',
     'Residual maps': 'Mean of what is left over, part by part. Arrows without order are noise; '
     'neighbours that agree, above all towards the edges, are a lens or a board that the model '
@@ -48,7 +41,7 @@ CAPTIONS = {
 }
 
 
-def stereo_report(folder: Path, calibration: StereoCalibration) -> Path:
+def stereo_report(folder: Path, calibration: StereoCalibration, made: Made) -> Path:
     """Write stereo.html; its path."""
     fit, views = calibration.adjustment, calibration.views
     head = ('parameter', 'value', 'standard deviation', 'unit')
@@ -59,12 +52,12 @@ def stereo_report(folder: Path, calibration: StereoCalibration) -> Path:
         ('Parameters', table(camera_rows(fit), head)),
     ]
     path = folder / 'stereo.html'
-    write_text(path, page('Stereo calibration', stereo_advice(calibration), sections))
+    write_text(path, page('Stereo calibration', stereo_advice(calibration), sections, made))
     return path
 
 
 def interface_report(
-    folder: Path, calibration: InterfaceCalibration, name: str = 'interface.html'
+    folder: Path, calibration: InterfaceCalibration, made: Made, name: str = 'interface.html'
 ) -> Path:
     """Write the page; its path."""
     rows = [
@@ -80,7 +73,7 @@ def interface_report(
     if fit is not None:
         sections += _picture_sections(fit, calibration.views, calibration.covariance)
     path = folder / name
-    write_text(path, page('Interface calibration', advice(calibration), sections))
+    write_text(path, page('Interface calibration', advice(calibration), sections, made))
     return path
 
 
@@ -131,32 +124,19 @@ def _left_out(dropped: Sequence[Dropped]) -> list[tuple[str, str]]:
     return [('Left out', table([(one.name, one.reason) for one in dropped], ('view', 'reason')))]
 
 
-def _picture(heading: str, png: bytes, more: str = '') -> tuple[str, str]:
-    return picture(heading, CAPTIONS[heading] + more, png)
+def _picture(heading: str, svg: str, more: str = '') -> tuple[str, str]:
+    return picture(heading, CAPTIONS[heading] + more, svg)
 
 
-def picture(heading: str, caption: str, png: bytes) -> tuple[str, str]:
+def picture(heading: str, caption: str, svg: str) -> tuple[str, str]:
     """A section with a picture under its caption: heading and HTML."""
-    data = base64.b64encode(png).decode()
-    image = f'<img alt="{html.escape(heading)}" src="data:image/png;base64,{data}">'
-    return heading, f'<p>{html.escape(caption)}</p>{image}'
+    return heading, f'<p>{html.escape(caption)}</p>{drawing(svg, heading)}'
 
 
-def table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
-    """The HTML of a table."""
-    lines = [_row(head, 'th')] if head else []
-    return ''.join(['<table>', *lines, *(_row(row, 'td') for row in rows), '</table>'])
-
-
-def _row(cells: Sequence[str], tag: str) -> str:
-    return '<tr>' + ''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells) + '</tr>'
-
-
-def page(title: str, next_thing: str, sections: Sequence[tuple[str, str]]) -> str:
+def page(title: str, next_thing: str, sections: Sequence[tuple[str, str]], made: Made) -> str:
     """The HTML of a whole page: what to do next, then sections of heading and HTML."""
-    parts = [f'<h2>{heading}</h2>{body}' for heading, body in sections]
-    return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
-        f'<style>{STYLE}</style><h1>{title}</h1>'
-        f'<p class="next"><b>Next:</b> {html.escape(next_thing)}</p>{"".join(parts)}</html>\n'
-    )
+    body = [
+        f'<p class="next"><b>Next:</b> {html.escape(next_thing)}</p>',
+        *(f'<h2>{heading}</h2>{part}' for heading, part in sections),
+    ]
+    return sheet(title, body, made)

@@ -1,8 +1,7 @@
-"""The report's pictures, as PNG bytes. matplotlib is optional: without it there are none."""
+"""The report's pictures, as SVG. matplotlib is optional: without it there are none."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,10 +13,13 @@ from binopos_ros.calibration.report.accuracy import AccuracyMap
 from binopos_ros.calibration.report.prediction import ErrorMap
 from binopos_ros.calibration.views.pairs import CELLS, coverage
 from binopos_ros.calibration.views.view import View
+from binopos_ros.drawn import INK, in_page_colours, legend_above
 from binopos_ros.sides import SIDES
 
 CELLS_OF_RESIDUALS = (16, 12)
 MOST_NAMES = 25
+#: More are drawn as one image: each would be an element of the page.
+MOST_DOTS = 3000
 
 
 def available() -> bool:
@@ -29,7 +31,8 @@ def available() -> bool:
     return True
 
 
-def residual_maps(fit: Adjustment, views: Sequence[View]) -> bytes:
+@in_page_colours
+def residual_maps(fit: Adjustment, views: Sequence[View]) -> Any:
     """Mean residual vectors over each camera's picture: arrows in order are a lens misfit."""
     figure, axes = _figure(len(fit.state.cameras), 5.6, 4.4)
     # An arrow of a mean of the points' noise, as it is where nothing is amiss, is short but seen.
@@ -62,15 +65,16 @@ def residual_maps(fit: Adjustment, views: Sequence[View]) -> bytes:
             angles='xy',
             scale_units='xy',
             scale=2.0 * key * columns / width,
-            color='tab:red',
+            color='C1',
             width=0.004,
         )
         axis.quiverkey(arrows, 0.86, 1.03, key, f'{key:g} px', labelpos='E')
         _as_picture(axis, width, height, f'{SIDES[side]}: mean residuals')
-    return _png(figure)
+    return figure
 
 
-def per_view(fit: Adjustment, views: Sequence[View]) -> bytes:
+@in_page_colours
+def per_view(fit: Adjustment, views: Sequence[View]) -> Any:
     """Reprojection RMS of each view, camera by camera."""
     figure, (axis,) = _figure(1, 10.0, 3.4)
     places = np.arange(len(views))
@@ -78,16 +82,17 @@ def per_view(fit: Adjustment, views: Sequence[View]) -> bytes:
     for side in range(sides):
         values = [fit.rms(view=i, side=side) for i in range(len(views))]
         axis.bar(places + 0.4 * (side - 0.5 * (sides - 1)), values, 0.4, label=SIDES[side])
-    axis.axhline(fit.rms(), color='black', linewidth=0.8, linestyle='--', label='all')
-    axis.set_ylabel('RMS (px)')
+    axis.axhline(fit.rms(), color=INK, linewidth=0.8, linestyle='--', label='all')
+    axis.set(xlabel='view', ylabel='RMS (px)')
     if len(views) <= MOST_NAMES:
         axis.set_xticks(places, _short_names(views), rotation=60)
     axis.set_xlim(-0.6, len(views) - 0.4)
-    axis.legend(ncols=3)
-    return _png(figure)
+    legend_above(figure)
+    return figure
 
 
-def coverages(fit: Adjustment, views: Sequence[View]) -> bytes:
+@in_page_colours
+def coverages(fit: Adjustment, views: Sequence[View]) -> Any:
     """How many points fell where: white cells were never visited."""
     figure, axes = _figure(len(fit.state.cameras), 5.6, 4.4)
     for side, axis in enumerate(axes):
@@ -95,14 +100,15 @@ def coverages(fit: Adjustment, views: Sequence[View]) -> bytes:
         counts = coverage(np.concatenate([view.pixels[side] for view in views]), (width, height))
         shown = np.where(counts > 0, counts, np.nan)
         image = axis.imshow(shown, extent=(0, width, height, 0), cmap='viridis', vmin=0)
-        figure.colorbar(image, ax=axis, shrink=0.7, label='points')
+        figure.colorbar(image, ax=axis, shrink=0.7, label='points (number)')
         empty = int(np.sum(counts == 0))
         title = f'{SIDES[side]}: {empty} of {CELLS[0] * CELLS[1]} cells empty'
         _as_picture(axis, width, height, title)
-    return _png(figure)
+    return figure
 
 
-def epipolar(fit: Adjustment, views: Sequence[View]) -> bytes:
+@in_page_colours
+def epipolar(fit: Adjustment, views: Sequence[View]) -> Any:
     """How far the two rays of each point miss each other, over the left picture."""
     figure, axes = _figure(2, 5.6, 4.4)
     pixels, values = [], []
@@ -115,16 +121,25 @@ def epipolar(fit: Adjustment, views: Sequence[View]) -> bytes:
             pixels.append(view.pixels[0][both])
     value, place = np.concatenate(values), np.concatenate(pixels)
     reach = max(3.0 * float(np.std(value)), 1e-6)
-    dots = axes[0].scatter(*place.T, c=value, s=8, cmap='coolwarm', vmin=-reach, vmax=reach)
-    figure.colorbar(dots, ax=axes[0], shrink=0.7, label='px')
+    dots = axes[0].scatter(
+        *place.T,
+        c=value,
+        s=8,
+        cmap='coolwarm',
+        vmin=-reach,
+        vmax=reach,
+        rasterized=len(place) > MOST_DOTS,
+    )
+    figure.colorbar(dots, ax=axes[0], shrink=0.7, label='residual (px)')
     _as_picture(axes[0], *fit.state.cameras[0].size, 'epipolar residual along the rays')
     axes[1].hist(np.clip(value, -reach, reach), bins=41)
     axes[1].set_title(f'mean {value.mean():+.3f} px, scatter {value.std():.3f} px')
-    axes[1].set_xlabel('px')
-    return _png(figure)
+    axes[1].set(xlabel='residual (px)', ylabel='points (number)')
+    return figure
 
 
-def predicted(errors: ErrorMap) -> bytes:
+@in_page_colours
+def predicted(errors: ErrorMap) -> Any:
     """Predicted standard deviation of a position over the working volume."""
     figure, axes = _figure(2, 5.6, 4.4)
     extent = (*1000 * errors.x[[0, -1]], *1000 * errors.z[[0, -1]])
@@ -133,14 +148,15 @@ def predicted(errors: ErrorMap) -> bytes:
         image = axis.imshow(
             1000 * values, extent=extent, origin='lower', aspect='auto', cmap='viridis', vmin=0
         )
-        figure.colorbar(image, ax=axis, label='mm')
+        figure.colorbar(image, ax=axis, label='standard deviation (mm)')
         axis.set(
             xlabel='x, to the right (mm)', ylabel='z, away from the cameras (mm)', title=title
         )
-    return _png(figure)
+    return figure
 
 
-def accuracy(found: AccuracyMap) -> bytes:
+@in_page_colours
+def accuracy(found: AccuracyMap) -> Any:
     """Deviations of a position, along and across, with the calibration's errors and without."""
     figure, axes = _figure(2, 5.6, 8.0, rows=2)
     extent = (*found.x[[0, -1]], *found.z[[0, -1]])
@@ -158,9 +174,9 @@ def accuracy(found: AccuracyMap) -> bytes:
         image = axis.imshow(
             1000 * values, extent=extent, origin='lower', aspect='auto', vmin=0, vmax=top
         )
-        figure.colorbar(image, ax=axis, label='mm')
+        figure.colorbar(image, ax=axis, label='standard deviation (mm)')
         axis.set(xlabel='x, to the right (m)', ylabel='z, away from the cameras (m)', title=title)
-    return _png(figure)
+    return figure
 
 
 def _short_names(views: Sequence[View]) -> list[str]:
@@ -181,10 +197,11 @@ def _figure(columns: int, width: float, height: float, rows: int = 1) -> tuple[A
 
 
 def _as_picture(axis: Any, width: int, height: int, title: str) -> None:
-    axis.set(xlim=(0, width), ylim=(height, 0), aspect='equal', title=title)
-
-
-def _png(figure: Any) -> bytes:
-    stream = io.BytesIO()
-    figure.savefig(stream, format='png', dpi=90)
-    return stream.getvalue()
+    axis.set(
+        xlim=(0, width),
+        ylim=(height, 0),
+        aspect='equal',
+        title=title,
+        xlabel='u (px)',
+        ylabel='v (px)',
+    )
