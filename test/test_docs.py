@@ -15,7 +15,8 @@ from binopos_ros.node_options import NODES, options_types
 from binopos_ros.parameters import specs_of
 
 PROJECT = Path(__file__).resolve().parent.parent
-DOCUMENTS = sorted([*PROJECT.glob('*.md'), *PROJECT.glob('docs/*.md'), *PROJECT.glob('bags/*.md')])
+FOLDERS = '.', 'docs', 'bags', 'examples'
+DOCUMENTS = sorted(path for folder in FOLDERS for path in PROJECT.glob(f'{folder}/*.md'))
 
 
 #: Words that stand for what the reader puts there.
