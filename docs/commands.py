@@ -88,6 +88,8 @@ NOT_RUN = {
     r'binopos record': 'nobody publishes: test/cli/test_record.py',
     r'make (demo|test)': 'it sets up an environment; CI runs `make test`',
     r'chrt|python (bench|docs/figures)/': 'it measures: bench/results, or the figure beside it',
+    r'binopos calibrate stereo --live': 'it waits: test/calibration/test_live_node.py',
+    r'binopos view': 'it serves until it is ended: test/nodes/test_viewer.py',
     r'binopos evaluate': 'it takes minutes: test/evaluation runs it with fewer sequences',
     r'binopos process .*(--left|--side-by-side|--namespace|--remap) /': (
         'such bags are made by test/cli/test_other_bags.py and test_other_topics.py'

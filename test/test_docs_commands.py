@@ -36,6 +36,12 @@ def test_every_command_is_run_or_it_is_said_why_not(shown: ModuleType) -> None:
     assert untold == []
 
 
+def test_nothing_that_is_run_stays_behind(shown: ModuleType) -> None:
+    for name in shown.PAGES:
+        for _, run in shown.commands(name):
+            assert '&' not in run, f'{name}: {run}'
+
+
 def test_every_reason_and_replacement_has_its_line_and_what_it_names(shown: ModuleType) -> None:
     every = [line for path in shown.DOCUMENTS for line in shown.lines(path)]
     for pattern, why in shown.NOT_RUN.items():
