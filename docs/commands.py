@@ -60,7 +60,8 @@ PAGES = {
             ),
             # Beside what came of the lines before, which these would not write over.
             r'camchain\.yaml -o calibration': 'camchain.yaml -o converted',
-            r'calibration -o camchain\.yaml': 'calibration -o again.yaml',
+            # What OpenCV finds has five terms; these cameras have none.
+            r'calibration -o camchain\.yaml': 'dry -o again.yaml',
             r'-o (dry|wet) (.*--pairs (?:100|40))': r'-o \1-large \2',
             r'calibrate stereo dry --square 0\.05': 'calibrate stereo dry-large --square 0.05',
             r'interface wet --square 0\.03': 'interface wet-large --square 0.03',
