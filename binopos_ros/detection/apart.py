@@ -35,6 +35,10 @@ MEMORIES = 2
 #: Seconds between looks at a process that does not answer, and how many of them in a row find it
 #: stopped, or waiting and without a tick of processor time in between, where it hangs.
 LOOK_AFTER, LOOKS = 0.4, 3
+#: Seconds of processor time for one picture after which the process runs in circles: the largest
+#: picture that is taken at all needs less than two.
+CIRCLING = 5.0
+TICKS = os.sysconf('SC_CLK_TCK')
 #: What Python runs: with the modules of this process, whatever lies in the working folder.
 STARTER = (
     'import sys; sys.path[:] = sys.argv[1].split(":"); '
@@ -133,8 +137,11 @@ class StageApart:
     def _trouble(self) -> str:
         """Wait until there is an answer, or the process hangs, which is told."""
         idle: deque[float] = deque(maxlen=LOOKS)
+        _, before = _state(self._process.pid)
         while not self._link.poll(LOOK_AFTER):
             state, used = _state(self._process.pid)
+            if used - before > CIRCLING:
+                return f'was busy for {used - before:.1f} s with one picture'
             if state not in 'ST':
                 idle.clear()
                 continue
@@ -205,9 +212,9 @@ class _Memory:
 
 
 def _state(pid: int) -> tuple[str, float]:
-    """The state of a process as proc(5) writes it, and the processor time that it has used."""
+    """The state of a process as proc(5) writes it, and seconds of processor time it has used."""
     try:
         fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     except OSError:
         return 'X', 0.0
-    return fields[0], float(fields[11]) + float(fields[12])
+    return fields[0], (int(fields[11]) + int(fields[12])) / TICKS

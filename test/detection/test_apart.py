@@ -103,6 +103,26 @@ def test_a_process_that_ends_or_hangs_costs_one_picture_and_is_replaced(apart, n
     assert apart.end().target is not None
 
 
+class Circles(str):
+    """Sends whoever reads it from a socket round in circles."""
+
+    def __reduce__(self):
+        return exec, ('while True: pass',)
+
+
+def test_a_process_that_runs_in_circles_costs_one_picture_and_is_replaced(apart, monkeypatch):
+    apart.begin(1, jpeg(1))
+    assert apart.end().target is not None
+    with monkeypatch.context() as patched:
+        patched.setattr('binopos_ros.detection.apart.CIRCLING', 0.4)
+        apart.begin(2, replace(raw(2, (320, 240)), encoding=Circles('bgr8')))
+        lost = apart.end()
+    assert lost.target is None
+    assert 'was busy for' in lost.reason
+    apart.begin(3, jpeg(3))
+    assert apart.end().target is not None
+
+
 def test_it_ends_with_the_process_that_has_started_it():
     stage = StageApart(DetectorOptions())
     stage.begin(1, jpeg(1))
