@@ -9,6 +9,8 @@ ports: each motion of `evaluation/trials/motions.py` at 10, 30 and 100 Hz, with 
    come out above 1.05: lock-step cannot start afresh.
 faults: the same at 30 Hz, 0.1 px and 1 m, where the detector has faults; as the node runs it.
 opponents: every filter behind ports, at 30 Hz, 0.1 px and 1 m, in lock-step.
+calm: each motion under a free surface in calm water, at the same rates, noises and distances,
+   half of them in the air; through `Tracker`.
 waters: under a free surface, each water of `evaluation/trials/waters.py`, through `Tracker`.
 calibration: a rig with its calibration's covariance, drawn 200 times, through `Tracker`.
 
@@ -38,6 +40,7 @@ from binopos_ros.evaluation.trials.motions import (
     measure,
     ports_rig,
     score,
+    surface_rig,
     track,
 )
 from binopos_ros.evaluation.trials.paths import KINDS
@@ -185,6 +188,21 @@ def opponents_table(kept: Figures, seeds: range) -> None:
         table.row(name, *medians)
 
 
+def calm_table(kept: Figures, seeds: range) -> None:
+    """Motions in calm water under a free surface."""
+    table = kept.table('calm', 'motion', *HEADER)
+    every = []
+    for kind in MOTIONS:
+        found = []
+        for rate, noise, distance, seed in itertools.product(RATES, PIXEL_STDS, DISTANCES, seeds):
+            rig = surface_rig(distance)
+            views = draw_views(kind, rig, Conditions(rate, noise, distance), seed)
+            found.append(score(views, *track(rig, views, **OPTIONS)))
+        row(table, kind, found)
+        every += found
+    row(table, 'all', every)
+
+
 def waters_table(kept: Figures, seeds: range) -> None:
     """Waters under a free surface."""
     of_both = Column('positions: RMS, mm', '.2f'), Column('poses: RMS, mm', '.2f')
@@ -222,6 +240,7 @@ TABLES = {
     'ports': ports_tables,
     'faults': faults_table,
     'opponents': opponents_table,
+    'calm': calm_table,
     'waters': waters_table,
     'calibration': calibration_table,
 }

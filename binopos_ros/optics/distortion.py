@@ -158,13 +158,12 @@ def _fold(radial: tuple[float, ...], rational: tuple[float, ...]) -> float:
     Both polynomials begin with 1, so the reversed ones are monic: their roots 1 / r^2 are stable
     however small the higher terms are.
     """
-    numerator = np.polynomial.Polynomial([1.0, *radial])
-    below = np.polynomial.Polynomial([1.0, *rational])
-    twice_r2 = np.polynomial.Polynomial([0.0, 2.0])
-    turning = numerator * below + twice_r2 * (
-        numerator.deriv() * below - numerator * below.deriv()
-    )
-    roots = np.concatenate([np.roots(turning.coef), np.roots(below.coef)])
+    numerator, below = np.array([1.0, *radial]), np.array([1.0, *rational])
+    turning = np.convolve(numerator, below)
+    # r^2 times the derivative of a polynomial of r^2 by it: each term by its power.
+    turning += 2.0 * np.convolve(np.arange(numerator.size) * numerator, below)
+    turning -= 2.0 * np.convolve(numerator, np.arange(below.size) * below)
+    roots = np.concatenate([np.roots(turning), np.roots(below)])
     real = roots[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0.0)].real
     return 1.0 / float(real.max()) if real.size else math.inf
 

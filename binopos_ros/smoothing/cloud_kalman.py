@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 _LEAST_CERTAINTY = 0.1
 #: The medium's variance, in the pixels', below which the water is calm and above which it is not:
 #: a window of calm residuals does not come out above the first.
-_CALM, _ROUGH = 0.4, 1.0
+_CALM, _ROUGH = 1.0, 2.0
 # Where the numbers of a (6, 6) covariance are among those of its (3, 3) blocks: position's, the
 # two's, velocity's.
 _WHOLE = np.block(

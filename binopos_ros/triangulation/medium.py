@@ -37,8 +37,6 @@ GRAVITY = 9.80665
 #: Memory of the waves' level (s): a few periods of basins' waves. Of their frequency (s): a few
 #: of the longest that show.
 _LEVEL_MEMORY, _COLOUR_MEMORY = 1.0, 5.0
-#: Part of the pixel noise's variance that a window of misses in calm water may add by chance.
-_CHANCE = 0.6
 #: Misses further out than this, in their usual deviations, are shortened: one wrong pair is no
 #: wave.
 _FARTHEST = 4.0
@@ -52,8 +50,8 @@ _LONG_WAVES = 2.5
 _FEWEST_FRAMES = 3.0
 #: Slower waves (Hz) leave no miss that pixels show.
 _SLOWEST = 0.5
-#: Deviations of what chance adds to the misses' variance that are needed to tell a frequency, and
-#: pairs.
+#: Deviations of what chance adds to the misses' variance that are needed to tell a level or a
+#: frequency, and pairs for the latter.
 _SURE, _LEAST_PAIRS = 3.0, 20.0
 #: Over this time (s) heights are compared, or from frame to frame where that is longer: a small
 #: part of the period of waves that are long.
@@ -194,7 +192,11 @@ class MediumMeter:
     def level(self) -> float:
         """The waves' deviation in the rays' miss, in pixel noises; 0 where it may be chance."""
         added = self._deviation**2 - 1.0
-        return math.sqrt(added) if added > _CHANCE else 0.0
+        # Of n Gaussian misses of deviation 1, the square of the deviation by their mean absolute
+        # value scatters by the root of (2 pi - 4) / n; a fading sum is as good as n of them.
+        pairs = max(2.0 * self._total - 1.0, 1.0)
+        chance = _SURE * math.sqrt((2.0 * math.pi - 4.0) / pairs)
+        return math.sqrt(added) if added > chance else 0.0
 
     @property
     def frequency(self) -> float:

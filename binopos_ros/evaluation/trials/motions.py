@@ -145,6 +145,14 @@ def ports_rig() -> StereoRig:
     return StereoRig(camera, camera, np.eye(3), [-0.12, 0.0, 0.0], left_port=port, right_port=port)
 
 
+def surface_rig(distance: float) -> StereoRig:
+    """Return the same cameras in the air, water from half of `distance` (m) on, 10 degrees askew."""
+    camera = ports_rig().left
+    slant = np.deg2rad(10.0)
+    water = FlatInterface([0.0, np.sin(slant), np.cos(slant)], 0.5 * distance, [1.0, 1.333])
+    return StereoRig(camera, camera, np.eye(3), [-0.12, 0.0, 0.0], water)
+
+
 def draw_motion(kind: str, times: Array, place: Array, random: np.random.Generator) -> Array:
     """Return positions (n, 3), m, of a target about `place` (3,), m, at `times` (n,), s.
 
