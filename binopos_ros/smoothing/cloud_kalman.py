@@ -40,8 +40,9 @@ Array = NDArray[np.float64]
 
 #: Positions with less certainty than this count as not used, and the state says so.
 _LEAST_CERTAINTY = 0.1
-#: The medium's variance, in the pixels', below which the water is calm and above which it is not:
-#: a window of calm residuals does not come out above the first.
+#: The medium's variance, in the pixels', up to which positions are taken as they come, and from
+#: which the waves' filter is believed alone: below the first waves cost less than a motion that is
+#: taken for one, and what calm residuals show by chance stays below it.
 _CALM, _ROUGH = 1.0, 2.0
 # Where the numbers of a (6, 6) covariance are among those of its (3, 3) blocks: position's, the
 # two's, velocity's.

@@ -15,6 +15,7 @@ from binopos_ros.evaluation.trials.motions import (
     measure,
     ports_rig,
     score,
+    surface_rig,
     track,
 )
 from binopos_ros.evaluation.trials.paths import KINDS
@@ -196,6 +197,20 @@ def test_swell_over_a_still_target_is_covered_at_any_frame_rate(rate):
     assert max(each.ratio for each in found) <= 1.05
     assert np.mean([each.inside for each in found]) >= 0.85
     assert np.mean([each.normalised for each in found]) < 2.0
+
+
+@pytest.mark.parametrize(
+    ('kind', 'conditions', 'seed'),
+    [
+        ('1 Hz, 0.1 m', Conditions(30.0, 0.1, 1.0), 1),
+        ('0.7 Hz, 0.2 m', Conditions(30.0, 0.1, 0.2), 0),
+        ('hovering', Conditions(10.0, 0.01, 0.2), 0),
+    ],
+)
+def test_no_motion_in_calm_water_is_taken_for_waves(kind, conditions, seed):
+    rig = surface_rig(conditions.distance)
+    views = draw_views(kind, rig, conditions, seed)
+    assert score(views, *track(rig, views)).ratio <= 1.05
 
 
 def test_calibration_leaves_the_poses_and_adds_what_it_shares_to_their_covariance():

@@ -146,7 +146,7 @@ def ports_rig() -> StereoRig:
 
 
 def surface_rig(distance: float) -> StereoRig:
-    """Return the same cameras in the air, water from half of `distance` (m) on, 10 degrees askew."""
+    """Return the same cameras, water from half of `distance` (m) on, 10 degrees askew."""
     camera = ports_rig().left
     slant = np.deg2rad(10.0)
     water = FlatInterface([0.0, np.sin(slant), np.cos(slant)], 0.5 * distance, [1.0, 1.333])
