@@ -37,7 +37,7 @@ def main() -> None:
     # As if the rays' miss had told of waves that double the deviation.
     waving = [(stamp, place, 4.0 * noise, 3.0 * noise) for stamp, place, noise in steps]
     # And of such as are between calm and rough, where two filters are blended.
-    rippling = [(stamp, place, 1.7 * noise, 0.7 * noise) for stamp, place, noise in steps]
+    rippling = [(stamp, place, 2.5 * noise, 1.5 * noise) for stamp, place, noise in steps]
     runs: dict[str, tuple[Callable[[], Callable[..., object]], Sequence[Step]]] = {
         PEER: (filterpy_step, steps),
         WAVES: (lambda: make_filter('cloud-kalman').step, waving),

@@ -9,6 +9,7 @@ Pictures cross in memory that both processes share, all else through a socket.
 
 from __future__ import annotations
 
+import math
 import mmap
 import os
 import signal
@@ -137,11 +138,12 @@ class StageApart:
     def _trouble(self) -> str:
         """Wait until there is an answer, or the process hangs, which is told."""
         idle: deque[float] = deque(maxlen=LOOKS)
-        _, before = _state(self._process.pid)
+        at_first = math.inf
         while not self._link.poll(LOOK_AFTER):
             state, used = _state(self._process.pid)
-            if used - before > CIRCLING:
-                return f'was busy for {used - before:.1f} s with one picture'
+            at_first = min(at_first, used)
+            if used - at_first > CIRCLING:
+                return f'was busy for {used - at_first:.1f} s with one picture'
             if state not in 'ST':
                 idle.clear()
                 continue

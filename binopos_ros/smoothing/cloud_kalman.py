@@ -6,7 +6,7 @@ is the weight that it is taken with.
 
 Where a part of a position's covariance is the medium's, which swings rather than scatters, the
 filter of :mod:`binopos_ros.smoothing.waves` runs beside the ladder. One rule passes from one to
-the other: the waves' filter is believed as soon as the medium doubles the variance.
+the other: the waves' filter is believed the more the medium outweighs the pixels' noise.
 """
 
 from __future__ import annotations

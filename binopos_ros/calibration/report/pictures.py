@@ -93,7 +93,7 @@ def per_view(fit: Adjustment, views: Sequence[View]) -> Any:
 
 @in_page_colours
 def coverages(fit: Adjustment, views: Sequence[View]) -> Any:
-    """How many points fell where: white cells were never visited."""
+    """How many points fell where: empty cells were never visited."""
     figure, axes = _figure(len(fit.state.cameras), 5.6, 4.4)
     for side, axis in enumerate(axes):
         width, height = fit.state.cameras[side].size
