@@ -147,7 +147,9 @@ class CloudKalmanFilter(Filter[_Memory]):
         wavy = None
         if medium is not None and memory.waves is not None:
             wavy = waves.correct(memory.waves, measured, noise, medium)
-            rough = _roughness(noise, medium) * waves.believable(wavy.waves, noise, medium)
+            alone = 1.0 * (memory.rough == 1.0)
+            rough = _roughness(noise, medium)
+            rough = rough * waves.believable(wavy, noise, medium, alone)
             if _everywhere(rough):
                 free = ladder.in_pace(memory.free)
                 return _Memory(memory.axes, free, wavy.waves, rough, wavy.certainty)

@@ -54,6 +54,8 @@ _LEAST_WAVES = 0.1
 _FIRST_WAVES = 10.0
 #: The largest, in the medium's: the rays' miss tells the waves' size to a factor of two.
 _MOST_WAVES = 2.0
+#: Deviations within which an honest position lies.
+_HONEST = 3.0
 #: Share of the waves' variance that all axes have in common, in units of the pixels' variance.
 _POOLED = 0.5
 
@@ -91,10 +93,22 @@ class Waves(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """What a measurement did to the filter, and the weight that it was taken with."""
+    """What a measurement did to the filter.
+
+    Attributes
+    ----------
+    waves : Waves
+        The filter after it.
+    certainty : float or (N,) array
+        The weight that it was taken with.
+    left : list of three float or (N,) array
+        What it leaves along the axes (m).
+
+    """
 
     waves: Waves
     certainty: Number
+    left: list[Number]
 
 
 def start(position: Array, noise: Array, medium: Array) -> Waves:
@@ -134,18 +148,24 @@ def correct(waves: Waves, position: Array, noise: Array, medium: Array) -> Readi
     )
     trust = waves.trust + _FORGETTING * (certainty - waves.trust)
     spread = vector(_spreads(clouds, components(noise), components(medium)))
-    return Reading(Waves(bank, clouds, spread, trust), certainty)
+    return Reading(Waves(bank, clouds, spread, trust), certainty, left)
 
 
-def believable(waves: Waves, noise: Array, medium: Array) -> Number:
+def believable(reading: Reading, noise: Array, medium: Array, alone: Number) -> Number:
     """Return from 0 to 1 how far the filter keeps to what is measured; see :func:`start`.
 
-    Waves leave the mean in its place: a lag beyond what they may be is the target's motion.
+    Waves leave the mean in its place, and a lag beyond what they may be is the target's motion.
+    So is, until the filter is believed alone, a position that lies farther off than they are high:
+    chance in the rays' miss, too, looks like waves. `alone` is 1 from then on, and 0 before.
     """
     farthest: Number = 0.0
-    for cloud, variance in zip(waves.clouds, components(noise + medium), strict=True):
-        farthest = larger(farthest, abs(cloud.expectation) / variance**0.5)
-    return smaller(larger(2.0 - farthest / _MOST_WAVES, 0.0), 1.0)
+    for cloud, left, own, most in zip(
+        reading.waves.clouds, reading.left, components(noise), components(medium), strict=True
+    ):
+        lag = abs(cloud.expectation) / (_MOST_WAVES * (own + most) ** 0.5)
+        reach = _HONEST * (own + _MOST_WAVES**2 * most) ** 0.5
+        farthest = larger(farthest, larger(lag, (1.0 - alone) * abs(left) / reach))
+    return smaller(larger(2.0 - farthest, 0.0), 1.0)
 
 
 def mean_position(waves: Waves) -> Array:

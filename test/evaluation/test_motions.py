@@ -205,6 +205,8 @@ def test_swell_over_a_still_target_is_covered_at_any_frame_rate(rate):
         ('1 Hz, 0.1 m', Conditions(30.0, 0.1, 1.0), 1),
         ('0.7 Hz, 0.2 m', Conditions(30.0, 0.1, 0.2), 0),
         ('hovering', Conditions(10.0, 0.01, 0.2), 0),
+        ('0.7 Hz, 0.2 m', Conditions(10.0, 0.1, 1.0), 0),
+        ('swinging rig', Conditions(10.0, 0.1, 0.2), 0),
     ],
 )
 def test_no_motion_in_calm_water_is_taken_for_waves(kind, conditions, seed):
