@@ -163,8 +163,8 @@ def believable(reading: Reading, noise: Array, medium: Array, alone: Number) -> 
         reading.waves.clouds, reading.left, components(noise), components(medium), strict=True
     ):
         lag = abs(cloud.expectation) / (_MOST_WAVES * (own + most) ** 0.5)
-        reach = _HONEST * (own + _MOST_WAVES**2 * most) ** 0.5
-        farthest = larger(farthest, larger(lag, (1.0 - alone) * abs(left) / reach))
+        apart = abs(left) / (_HONEST * (own + _MOST_WAVES**2 * most) ** 0.5)
+        farthest = larger(farthest, larger(lag, apart * (1.0 - alone)))
     return smaller(larger(2.0 - farthest, 0.0), 1.0)
 
 
